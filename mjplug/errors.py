@@ -1,0 +1,51 @@
+"""What can go wrong, as exceptions that build the sentence a person reads."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class MjplugError(Exception):
+    """Root of every error that mjplug raises on purpose."""
+
+
+class ModelError(MjplugError):
+    """The model file cannot be found, read or compiled."""
+
+
+class WireError(MjplugError):
+    """The Zenoh session cannot be opened, or another server already has this identity."""
+
+
+class PluginError(MjplugError):
+    """A plugin cannot be found, refused to start, or failed while running."""
+
+
+class RequestError(MjplugError):
+    """A request is refused; the sentence goes to the client that sent it."""
+
+
+class UnknownName(RequestError):
+    """A name that the model (or a table) does not have.
+
+    Args:
+        kind: What was looked up, such as `body`.
+        name: The name that is not there.
+        allowed: The names that are.
+    """
+
+    def __init__(self, kind: str, name: str, allowed: Iterable[str]) -> None:
+        names = sorted(n for n in allowed if n)
+        super().__init__(f"unknown {kind} {name!r}{did_you_mean(name, names)}; {_listing(kind, names)}")
+
+
+def did_you_mean(name: str, allowed: Iterable[str]) -> str:
+    """Returns `, did you mean 'x'?` for a name close to an allowed one, otherwise an empty string."""
+    close = difflib.get_close_matches(name, list(allowed), n=1)
+    return f", did you mean {close[0]!r}?" if close else ""
+
+
+def _listing(kind: str, names: list[str], most: int = 20) -> str:
+    if not names:
+        return f"there is no {kind}"
+    more = f", … ({len(names)} in all)" if len(names) > most else ""
+    return "known: " + ", ".join(names[:most]) + more
