@@ -1,11 +1,29 @@
 """What can go wrong, as exceptions that build the sentence a person reads."""
 
+from __future__ import annotations
+
 import difflib
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mjplug.config.problem import Problem
 
 
 class MjplugError(Exception):
     """Root of every error that mjplug raises on purpose."""
+
+
+class ConfigError(MjplugError):
+    """The configuration is wrong; the text has every problem that was found, each with its place.
+
+    Args:
+        problems: What is wrong.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
 class ModelError(MjplugError):
@@ -24,7 +42,7 @@ class RequestError(MjplugError):
     """A request is refused; the sentence goes to the client that sent it."""
 
 
-class UnknownName(RequestError):
+class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name already)
     """A name that the model (or a table) does not have.
 
     Args:

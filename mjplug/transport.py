@@ -1,6 +1,6 @@
 """What the core asks of the wire: three kinds of endpoint, described by the names ROS users know.
 
-`mjplug.wire` fulfils this with Zenoh; tests fulfil it with a fake. The core and the plugins see nothing else of the network.
+`mjplug.wire` fulfils this with Zenoh; tests fulfil it with a fake. The core and the plugins see nothing else of it.
 """
 
 from collections.abc import Callable, Mapping

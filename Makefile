@@ -1,0 +1,59 @@
+# Every target sets itself up: a machine with Python >= 3.11, git and make needs nothing else.
+PYTHON ?= python3
+UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
+RUN := .venv/bin
+READY := .venv/.ready
+export UV_PYTHON_DOWNLOADS := never
+
+.PHONY: help setup demo serve test test-slow check format bench docs clean
+
+help:          ## Shows this list.
+	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ —/'
+
+setup: $(READY) ## Makes .venv with everything in uv.lock.
+
+.uv/bin/uv:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mjplug needs Python 3.11 or later; try: make PYTHON=python3.12 " or 0)'
+	@echo "setting up (once, about half a minute) ..."
+	@$(PYTHON) -m venv .uv
+	@.uv/bin/pip install --quiet --disable-pip-version-check uv
+
+$(READY): pyproject.toml uv.lock $(filter .uv/bin/uv,$(UV))
+	@$(UV) sync --quiet --locked --python $(PYTHON)
+	@touch $@
+
+demo: $(READY) ## Serves a model, pushes it from a second process, shows what happened.
+	@$(RUN)/python examples/00_push_a_box/run.py
+
+serve: $(READY) ## Serves the first example until Ctrl-C.
+	@$(RUN)/mjplug serve examples/00_push_a_box/config.yaml
+
+test: $(READY) ## All tests but the slow ones.
+	@$(RUN)/python -m pytest -m "not slow"
+
+test-slow: $(READY) ## The slow tests alone.
+	@$(RUN)/python -m pytest -m slow
+
+check: $(READY) typings/mujoco ## Format, lint, types, layers.
+	@$(RUN)/ruff format --check --quiet . || { echo "run: make format"; exit 1; }
+	@$(RUN)/ruff check --quiet .
+	@$(RUN)/mypy
+	@$(RUN)/lint-imports --no-logo 2>/dev/null || $(RUN)/lint-imports
+
+# MuJoCo's wheel has no type stubs.
+typings/mujoco: uv.lock | $(READY)
+	@$(RUN)/pybind11-stubgen mujoco -o typings --ignore-all-errors >/dev/null 2>&1
+	@touch $@
+
+format: $(READY) ## Formats the code.
+	@$(RUN)/ruff check --quiet --fix-only .
+	@$(RUN)/ruff format --quiet .
+
+bench: $(READY) ## Measures, side by side in one run, and writes docs/benchmarks.md.
+	@$(RUN)/python -m benchmarks
+
+docs: $(READY) ## Runs every code block of README and docs.
+	@$(RUN)/python -m pytest tests/docs
+
+clean: ## Removes what the other targets made.
+	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -1,0 +1,63 @@
+"""`mjplug plugin`: which plugins there are, and what each takes."""
+
+from typing import Annotated, Any
+
+import typer
+from pydantic_core import PydanticUndefined
+
+app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", no_args_is_help=True)
+
+
+@app.command("list")
+def list_plugins() -> None:
+    """Lists every installed plugin: its names, and its first line of documentation."""
+    from mjplug.plugin import registry  # noqa: PLC0415  (keeps `--help` quick)
+
+    names: dict[str, list[str]] = {}
+    for name, point in registry.registered().items():
+        names.setdefault(point.value, []).append(name)
+    for target, known_as in names.items():
+        short, *aliases = sorted(known_as, key=lambda name: ("/" in name, name))
+        summary = (registry.find(short).__doc__ or "").strip().splitlines()[0]
+        typer.echo(f"{short:<18} {summary}")
+        typer.echo(f"{'':<18} {target}" + "".join(f", also {alias}" for alias in aliases))
+
+
+@app.command("info")
+def info(
+    type: Annotated[str, typer.Argument(help="A name from `mjplug plugin list`, or module:Class.", metavar="TYPE")],
+) -> None:
+    """Shows what a plugin does and its parameters with types, defaults and units."""
+    from mjplug.plugin import registry  # noqa: PLC0415
+
+    plugin = registry.find(type)
+    typer.echo(f"{plugin.__name__} ({plugin.__module__})\n")
+    typer.echo(_dedent(plugin.__doc__ or ""))
+    fields = plugin.parameters_type.model_fields
+    typer.echo("\nParameters:" if fields else "\nNo parameters.")
+    for name, field in fields.items():
+        typer.echo(f"  {name} ({_type_name(field.annotation)}, {_default(field.default)})")
+        typer.echo(f"      {field.description or ''}")
+    typer.echo(
+        f"\nIn a configuration file:\n\n  plugins:\n    my_{type.split('/')[-1].split(':')[-1].lower()}:\n      type: {type}"
+    )
+    for name, field in fields.items():
+        typer.echo(f"      {name}: {'...' if field.default is PydanticUndefined else _yaml(field.default)}")
+
+
+def _dedent(text: str) -> str:
+    return "\n".join(line.strip() for line in text.strip().splitlines())
+
+
+def _type_name(annotation: Any) -> str:
+    return annotation.__name__ if isinstance(annotation, type) else str(annotation).replace("typing.", "")
+
+
+def _default(value: Any) -> str:
+    return "required" if value is PydanticUndefined else f"default {_yaml(value)}"
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,58 @@
+"""Recognises a simulation that has blown up, and says where."""
+
+from dataclasses import dataclass
+
+import mujoco
+
+_BAD = (
+    (mujoco.mjtWarning.mjWARN_BADQPOS, "position"),
+    (mujoco.mjtWarning.mjWARN_BADQVEL, "velocity"),
+    (mujoco.mjtWarning.mjWARN_BADQACC, "acceleration"),
+)
+"""MuJoCo's own checks, in the order in which a step makes them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Divergence:
+    """What MuJoCo found to be NaN, infinite or above 1e10 in a step.
+
+    Attributes:
+        quantity: `position`, `velocity` or `acceleration`.
+        joint: Name of the joint, `#<id>` if it has none.
+        body: Name of the joint's body, `#<id>` if it has none.
+        axis: Which of the joint's coordinates, counted from 0.
+    """
+
+    quantity: str
+    joint: str
+    body: str
+    axis: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.quantity} of joint {self.joint} (coordinate {self.axis}, body {self.body}) is NaN, infinite or huge"
+        )
+
+
+def find(model: mujoco.MjModel, data: mujoco.MjData) -> Divergence | None:
+    """Returns what MuJoCo's warning counters say has diverged, or None."""
+    for kind, quantity in _BAD:
+        warning = data.warning[int(kind)]
+        if warning.number:
+            return _locate(model, quantity, int(warning.lastinfo))
+    return None
+
+
+def clear(data: mujoco.MjData) -> None:
+    """Sets the counters that `find` reads back to zero."""
+    for kind, _ in _BAD:
+        data.warning.number[int(kind)] = 0
+
+
+def _locate(model: mujoco.MjModel, quantity: str, index: int) -> Divergence:
+    starts = model.jnt_qposadr if quantity == "position" else model.jnt_dofadr
+    joint = max((j for j in range(model.njnt) if starts[j] <= index), default=0)
+    body = int(model.jnt_bodyid[joint])
+    joint_name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"#{joint}"
+    body_name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"#{body}"
+    return Divergence(quantity, joint_name, body_name, index - int(starts[joint]))

@@ -1,0 +1,62 @@
+"""Rotations and poses, as plain arrays: quaternions are (w, x, y, z), unit length."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.errors import RequestError
+from mjplug_schemas.geometry_msgs import Point, Quaternion, Vector3
+
+Array = NDArray[np.float64]
+
+_SMALLEST_NORM = 1e-9
+
+
+def vector(value: Vector3 | Point, what: str) -> Array:
+    """Returns the three components of a message, shape (3,).
+
+    Raises:
+        RequestError: One of them is NaN or infinite; `what` names the field in the sentence.
+    """
+    array = np.array((value.x, value.y, value.z))
+    if not np.isfinite(array).all():
+        raise RequestError(f"{what} is ({value.x:g}, {value.y:g}, {value.z:g}); every component must be finite")
+    return array
+
+
+def unit_quat_wxyz(value: Quaternion, what: str) -> Array:
+    """Returns a message's orientation as a unit quaternion (w, x, y, z), shape (4,).
+
+    Raises:
+        RequestError: A component is NaN or infinite, or the norm is zero; `what` names the field in the sentence.
+    """
+    quat = np.array((value.w, value.x, value.y, value.z))
+    # Scaled first, so that neither huge nor tiny components over- or underflow in the norm.
+    largest = float(np.abs(quat).max())
+    if not np.isfinite(largest) or largest < _SMALLEST_NORM:
+        raise RequestError(
+            f"{what} is (x {value.x:g}, y {value.y:g}, z {value.z:g}, w {value.w:g}); "
+            "a quaternion must be finite and its norm must not be zero"
+        )
+    quat /= largest
+    return quat / np.linalg.norm(quat)
+
+
+def compose(quat_a: Array, quat_b: Array) -> Array:
+    """Returns the unit quaternion of rotation `quat_b` followed by `quat_a`."""
+    product = np.empty(4)
+    mujoco.mju_mulQuat(product, quat_a, quat_b)
+    mujoco.mju_normalize4(product)
+    return product
+
+
+def rotate(quat: Array, vec: Array) -> Array:
+    """Returns `vec`, given in the frame that `quat` turns, in the frame that `quat` is expressed in."""
+    rotated = np.empty(3)
+    mujoco.mju_rotVecQuat(rotated, vec, quat)
+    return rotated
+
+
+def inverse(quat: Array) -> Array:
+    """Returns the inverse of a unit quaternion."""
+    return quat * (1.0, -1.0, -1.0, -1.0)

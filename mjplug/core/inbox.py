@@ -1,0 +1,34 @@
+"""The one way into the physics thread: other threads post calls, the loop runs them between steps."""
+
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+
+Task = Callable[[], None]
+
+
+class Inbox:
+    """A queue of calls to make on the physics thread.
+
+    `post` may be called from any thread, the rest only from the loop's.
+    """
+
+    def __init__(self) -> None:
+        self._queue: SimpleQueue[Task] = SimpleQueue()
+        self.empty = self._queue.empty
+
+    def post(self, task: Task) -> None:
+        """Queues a call; wakes the loop if it waits."""
+        self._queue.put(task)
+
+    def drain(self) -> None:
+        """Runs everything that was queued when it was called."""
+        for _ in range(self._queue.qsize()):
+            self._queue.get_nowait()()
+
+    def wait(self, seconds: float | None) -> None:
+        """Waits for a call and runs it, for at most `seconds` [s]; None waits for ever."""
+        try:
+            task = self._queue.get(timeout=seconds)
+        except Empty:
+            return
+        task()

@@ -1,0 +1,309 @@
+"""The physics loop: the one place where steps are taken and everything that touches the state is called."""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Generator
+from time import perf_counter
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.core.divergence import Divergence
+from mjplug.core.inbox import Inbox
+from mjplug.core.pacing import Pacer, Speed
+from mjplug.core.reset import Reset
+from mjplug.core.scheduler import NEVER, Event, Scheduler, Slow
+from mjplug.core.simulation import Simulation
+from mjplug.errors import MjplugError, RequestError
+from mjplug.transport import Call
+from mjplug_schemas.message import Message
+
+OnDivergence = Literal["pause", "reset", "stop"]
+
+BATCH_SECONDS = 0.002
+"""Wall time after which a batch of steps looks at the inbox again [s]; a request at speed `max` waits no longer."""
+
+_LARGEST_BATCH = 10_000
+
+_log = logging.getLogger(__name__)
+
+
+class Stepper(Protocol):
+    """Something that must run before every step while it is active."""
+
+    def update(self) -> None:
+        """Writes controls, forces or velocity overrides for the coming step."""
+
+    def on_reset(self) -> None:
+        """Forgets what belonged to the state before the reset."""
+
+
+class StepGoal:
+    """Steps that somebody wants taken while the simulation is paused.
+
+    Attributes:
+        target: The step number to reach.
+        ended: Set when it is reached or given up.
+        failure: Why it was given up; empty if it was not.
+    """
+
+    def __init__(self, target: int) -> None:
+        self.target = target
+        self.ended = Event()
+        self.failure = ""
+
+    def end(self, failure: str = "") -> None:
+        """Marks the goal as reached, or as given up with a reason."""
+        self.failure = failure
+        self.ended.set()
+
+
+class Loop:
+    """Owns the simulation and runs everything that touches it, in one thread.
+
+    At each boundary between steps, in this order: posted calls, due timers and waiting requests, updates of the active
+    steppers, velocity overrides, the step.
+
+    Attributes:
+        simulation: The model and its state.
+        scheduler: Timers and waiting requests.
+        inbox: Where other threads post calls.
+        pacer: Wall-clock pacing.
+        paused: Whether simulated time stands still.
+        velocity_override: Shape (nv,); NaN before each round of updates; a finite entry replaces that DOF's velocity in
+            `qvel` right before the step.
+        on_reset: Called after every reset, when all steppers have been told.
+        on_stepped: Called whenever steps asked for while paused have been taken.
+        failure: The error that ended `run`, if one did.
+        last_step: `run` ends when this step has been taken.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        speed: Speed = "max",
+        paused: bool = False,
+        on_divergence: OnDivergence = "pause",
+    ) -> None:
+        self.simulation = simulation
+        self.scheduler = Scheduler()
+        self.inbox = Inbox()
+        self.pacer = Pacer(simulation.time, speed)
+        self.paused = paused
+        self.velocity_override: NDArray[np.float64] = np.full(simulation.model.nv, np.nan)
+        self.on_reset: list[Callable[[], None]] = []
+        self.on_stepped: list[Callable[[], None]] = []
+        self.failure: MjplugError | None = None
+        self.last_step = NEVER
+        self._on_divergence = on_divergence
+        self._steppers: list[Stepper] = []
+        self._active: tuple[Stepper, ...] = ()
+        self._goals: deque[StepGoal] = deque()
+        self._stopping = False
+        self._batch = 1
+
+    def add(self, stepper: Stepper) -> None:
+        """Adds a stepper, inactive. Steppers are updated and told of resets in the order in which they were added."""
+        self._steppers.append(stepper)
+
+    def activate(self, stepper: Stepper) -> None:
+        """Calls the stepper's `update` before every step from now on."""
+        self._set_active({*self._active, stepper})
+
+    def deactivate(self, stepper: Stepper) -> None:
+        """Stops calling the stepper's `update`."""
+        self._set_active({*self._active} - {stepper})
+
+    def serve(self, call: Call, handler: Callable[[Message, Call], Message | Slow]) -> None:
+        """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over."""
+        try:
+            result = handler(call.request, call)
+        except RequestError as error:
+            call.refuse(str(error))
+        except Exception as error:
+            _log.exception("a service failed")
+            call.refuse(f"internal error: {error!r}")
+        else:
+            if isinstance(result, Generator):
+                self.scheduler.start(result, call)
+            else:
+                call.respond(result)
+
+    def pause(self) -> None:
+        """Stops simulated time at the current boundary."""
+        self.paused = True
+
+    def resume(self) -> None:
+        """Lets simulated time run; step goals that are under way are given up."""
+        self._give_up_goals("interrupted: the simulation was resumed")
+        self.paused = False
+        self._anchor()
+
+    def step_while_paused(self, steps: int) -> StepGoal:
+        """Asks for steps at full speed while the simulation stays paused, after those already asked for."""
+        start = self._goals[-1].target if self._goals else self.simulation.step
+        goal = StepGoal(start + steps)
+        self._goals.append(goal)
+        return goal
+
+    def give_up(self, goal: StepGoal) -> None:
+        """Withdraws a step goal that has not been reached; the goals after it keep their targets."""
+        if goal in self._goals:
+            self._goals.remove(goal)
+
+    def set_speed(self, speed: Speed) -> None:
+        """Changes the real-time factor (positive, or `max`)."""
+        self.pacer.speed = speed
+        self._anchor()
+
+    def reset(self, reset: Reset) -> None:
+        """Resets the world; every request that waits is answered with a failure, and every stepper is told."""
+        reset.apply(self.simulation)
+        self._give_up_goals("cancelled: the world was reset")
+        self.scheduler.close_jobs("cancelled: the world was reset")
+        self._clear_inputs()
+        for stepper in self._steppers:
+            stepper.on_reset()
+        self.scheduler.rephase(self.simulation.step)
+        self._anchor()
+        for callback in self.on_reset:
+            callback()
+
+    def stop(self) -> None:
+        """Ends `run` at the next boundary. May be called on the loop's thread or through the inbox."""
+        self._stopping = True
+
+    def fail(self, error: MjplugError) -> None:
+        """Ends `run` because of an error, which stays in `failure`."""
+        self.failure = self.failure or error
+        self.stop()
+
+    def step(self, steps: int = 1) -> None:
+        """Takes steps at full speed, paused or not, with everything due; ends early when stopped or diverged."""
+        self._poll()
+        target = self.simulation.step + steps
+        while self.simulation.step < target and not self._stopping:
+            if not self._advance(target):
+                return
+
+    def run(self) -> None:
+        """Runs until stopped, paced by the wall clock; then every waiting request is answered with a failure."""
+        self._anchor()
+        while not self._stopping:
+            self.turn()
+        self.scheduler.close_jobs("cancelled: the server is stopping")
+
+    def turn(self) -> None:
+        """Does what is to be done now, or waits for the next step's deadline or a posted call, whichever is first."""
+        polled = self._poll()
+        step = self.simulation.step
+        if self._stopping:
+            return
+        if self.paused:
+            if self._goals:
+                self._advance(self._goals[0].target)
+            elif not polled:
+                self.inbox.wait(None)
+        elif self.pacer.speed == "max":
+            self._advance(step + self._batch)
+        else:
+            now = perf_counter()
+            due = self.pacer.due(step, now)
+            if due > step:
+                self._advance(due)
+            else:
+                wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
+                self.inbox.wait(max(0.0, self.pacer.deadline(wake) - now))
+
+    def _poll(self) -> bool:
+        """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""
+        posted = not self.inbox.empty()
+        if posted:
+            self.inbox.drain()
+        self._run_due()
+        return posted
+
+    def _run_due(self) -> None:
+        step = self.simulation.step
+        if self.scheduler.next_due <= step:
+            self.scheduler.run_due(step)
+        while self._goals and self._goals[0].target <= step:
+            self._goals.popleft().end()
+            for callback in self.on_stepped:
+                callback()
+        if step >= self.last_step:
+            self.stop()
+
+    def _advance(self, target: int) -> bool:
+        """Takes at most one batch of steps towards `target`; False: a divergence forbids to go on."""
+        simulation, began = self.simulation, perf_counter()
+        first, target = simulation.step, min(target, self.last_step)
+        if self._active:
+            divergence = self._step_actively(target, began + BATCH_SECONDS)
+        else:
+            steps = min(target, self.scheduler.next_due) - first
+            divergence = simulation.advance(min(steps, self._batch))
+        taken = simulation.step - first
+        if taken:
+            per_step = (perf_counter() - began) / taken
+            self._batch = max(1, min(_LARGEST_BATCH, int(BATCH_SECONDS / per_step), 2 * self._batch))
+        if divergence is not None and not self._recover(divergence):
+            return False
+        self._run_due()
+        return True
+
+    def _step_actively(self, target: int, until: float) -> Divergence | None:
+        """Takes steps with updates before each, until `target`, a due step, a posted call or the time `until`."""
+        simulation, empty = self.simulation, self.inbox.empty
+        data = simulation.data
+        xfrc, qfrc, qvel, override = data.xfrc_applied, data.qfrc_applied, data.qvel, self.velocity_override
+        while True:
+            xfrc.fill(0.0)
+            qfrc.fill(0.0)
+            override.fill(np.nan)
+            for stepper in self._active:
+                stepper.update()
+            wanted = np.isfinite(override)
+            if wanted.any():
+                qvel[wanted] = override[wanted]
+            divergence = simulation.advance(1)
+            step = simulation.step
+            if divergence is not None or step >= target or step >= self.scheduler.next_due or not self._active:
+                return divergence
+            if not empty() or perf_counter() > until:
+                return None
+
+    def _set_active(self, active: set[Stepper]) -> None:
+        self._active = tuple(s for s in self._steppers if s in active)
+        if not self._active:
+            self._clear_inputs()
+
+    def _clear_inputs(self) -> None:
+        data = self.simulation.data
+        data.xfrc_applied.fill(0.0)
+        data.qfrc_applied.fill(0.0)
+
+    def _give_up_goals(self, reason: str) -> None:
+        goals, self._goals = self._goals, deque()
+        for goal in goals:
+            goal.end(reason)
+
+    def _anchor(self) -> None:
+        self.pacer.anchor(self.simulation.step, perf_counter())
+
+    def _recover(self, divergence: Divergence) -> bool:
+        """Follows the divergence policy; returns whether stepping may go on."""
+        simulation = self.simulation
+        report = f"the simulation diverged in step {simulation.step + 1} (t = {simulation.time_ns / 1e9:.6f} s): {divergence}"
+        if self._on_divergence == "reset":
+            _log.error("%s; the world is reset (sim.on_divergence: reset)", report)
+            self.reset(Reset())
+            return True
+        if self._on_divergence == "stop":
+            self.fail(MjplugError(f"{report}; the server stops (sim.on_divergence: stop)"))
+        else:
+            _log.error("%s; paused before that step (sim.on_divergence: pause)", report)
+            self._give_up_goals(report)
+            self.pause()
+        return False

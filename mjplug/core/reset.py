@@ -1,0 +1,116 @@
+"""What a reset puts back: a keyframe or the initial state, then overrides; validated whole before any is applied."""
+
+import math
+from dataclasses import dataclass, field
+
+import mujoco
+
+from mjplug.core import free_joint
+from mjplug.core.free_joint import FreeJointTarget
+from mjplug.core.simulation import Simulation
+from mjplug.errors import RequestError
+from mjplug_schemas.mujoco_ros2_control_msgs import SimulationState
+from mjplug_schemas.sensor_msgs import JointState
+
+_SCALAR = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
+
+
+@dataclass(frozen=True, slots=True)
+class JointOverride:
+    """Position and velocity of a hinge [rad, rad/s] or slide [m, m/s] joint; None leaves what the reset gave."""
+
+    joint: int
+    position: float | None
+    velocity: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    """A valid reset. The default is the initial state.
+
+    Attributes:
+        keyframe: Id of the keyframe to go to; None is the initial state.
+        joints: Joint overrides.
+        free_joints: Free bodies to place, after the joint overrides; their frames mean the poses after those.
+    """
+
+    keyframe: int | None = None
+    joints: list[JointOverride] = field(default_factory=list)
+    free_joints: list[FreeJointTarget] = field(default_factory=list)
+
+    def apply(self, simulation: Simulation) -> None:
+        """Puts the state back and brings everything derived from it up to date; simulated time goes on."""
+        simulation.restore(self.keyframe)
+        model, data = simulation.model, simulation.data
+        for override in self.joints:
+            if override.position is not None:
+                data.qpos[model.jnt_qposadr[override.joint]] = override.position
+            if override.velocity is not None:
+                data.qvel[model.jnt_dofadr[override.joint]] = override.velocity
+        if self.free_joints:
+            free_joint.apply(simulation, self.free_joints)
+        simulation.forward()
+        simulation.epoch += 1
+
+
+def validate(simulation: Simulation, keyframe: str, overrides: SimulationState) -> Reset:
+    """Checks a whole request and returns the reset to apply.
+
+    Args:
+        simulation: Whose model the names mean.
+        keyframe: Name of a keyframe; empty means the initial state.
+        overrides: What to change on top of it.
+
+    Raises:
+        RequestError: Something in it is wrong; the sentence says what, and nothing has been touched.
+    """
+    return Reset(
+        keyframe=simulation.keyframe_id(keyframe) if keyframe else None,
+        joints=_joint_overrides(simulation, overrides.joint_states),
+        free_joints=free_joint.validate(simulation, overrides.free_joints),
+    )
+
+
+def _joint_overrides(simulation: Simulation, states: JointState) -> list[JointOverride]:
+    count = len(states.name)
+    if states.effort:
+        raise RequestError("joint_states.effort cannot be reset: leave it empty")
+    for part, values in (("position", states.position), ("velocity", states.velocity)):
+        if values and len(values) != count:
+            raise RequestError(
+                f"joint_states.{part} has {len(values)} entries for {count} names; give one for each name, or none"
+            )
+    overrides: list[JointOverride] = []
+    first: dict[int, int] = {}
+    for index, name in enumerate(states.name):
+        position = states.position[index] if states.position else None
+        velocity = states.velocity[index] if states.velocity else None
+        try:
+            override = _joint_override(simulation, name, position, velocity)
+        except RequestError as error:
+            raise RequestError(f"joint_states[{index}] ({name!r}): {error}") from None
+        if override.joint in first:
+            raise RequestError(
+                f"joint_states[{index}] ({name!r}): already given as joint_states[{first[override.joint]}]"
+            )
+        first[override.joint] = index
+        overrides.append(override)
+    return overrides
+
+
+def _joint_override(simulation: Simulation, name: str, position: float | None, velocity: float | None) -> JointOverride:
+    model = simulation.model
+    joint = simulation.joint_id(name)
+    kind = int(model.jnt_type[joint])
+    if kind not in _SCALAR:
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            raise RequestError("this is a free joint; place its body through state_overrides.free_joints")
+        raise RequestError("this is a ball joint; only hinge and slide joints can be overridden")
+    for part, value in (("position", position), ("velocity", velocity)):
+        if value is not None and not math.isfinite(value):
+            raise RequestError(f"{part} is {value:g}; it must be finite")
+    if position is not None and model.jnt_limited[joint]:
+        low, high = model.jnt_range[joint]
+        if not low <= position <= high:
+            raise RequestError(f"position {position:g} is outside the joint's range [{low:g}, {high:g}]")
+    return JointOverride(joint, position, velocity)

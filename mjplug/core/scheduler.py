@@ -1,0 +1,203 @@
+"""What happens at which step: timers, and requests that wait. Physics thread only."""
+
+import heapq
+import itertools
+import logging
+import math
+from collections.abc import Callable, Generator
+from fractions import Fraction
+from typing import Any, Protocol
+
+from mjplug.errors import RequestError
+from mjplug_schemas.message import Message
+
+NEVER = 1 << 62
+"""A step number that is never reached."""
+
+_log = logging.getLogger(__name__)
+
+
+class Event:
+    """Something a waiting request can wait for, besides a step number."""
+
+    def __init__(self) -> None:
+        self._waiting: list[Callable[[], None]] = []
+        self.is_set = False
+
+    def set(self) -> None:
+        """Lets everything that waits for the event go on; later waits do not block."""
+        self.is_set = True
+        waiting, self._waiting = self._waiting, []
+        for resume in waiting:
+            resume()
+
+    def when_set(self, resume: Callable[[], None]) -> None:
+        """Calls `resume` when the event is set, at once if it is already."""
+        if self.is_set:
+            resume()
+        else:
+            self._waiting.append(resume)
+
+
+Wait = int | Event
+"""What a slow service yields: the step number, or the event, at which it goes on."""
+
+Slow = Generator[Wait, None, Message]
+"""A service handler that takes simulated time: yields waits, returns the response."""
+
+
+class Answer(Protocol):
+    """Where the outcome of a waiting request goes."""
+
+    def respond(self, response: Message) -> None:
+        """Takes the response."""
+
+    def refuse(self, reason: str) -> None:
+        """Takes the reason why there is none."""
+
+
+class Timer:
+    """Calls back at a fixed rate of simulated time.
+
+    Firing k comes at the first step boundary at or after k periods, so the phase error stays below one step and the
+    mean rate is exact even where the period is no multiple of the time step.
+    """
+
+    def __init__(self, period_steps: Fraction, callback: Callable[[], None], start: int) -> None:
+        self._period = period_steps
+        self.callback = callback
+        self.cancelled = False
+        self.rephase(start)
+
+    def rephase(self, start: int) -> None:
+        """Counts the periods from the boundary `start` on."""
+        self._start = start
+        self._firings = 0
+        self.advance()
+
+    def advance(self) -> None:
+        """Moves on to the next firing."""
+        self._firings += 1
+        self.due = self._start + math.ceil(self._firings * self._period)
+
+    def cancel(self) -> None:
+        """Stops the timer for good."""
+        self.cancelled = True
+
+
+class Job:
+    """A request that waits in the scheduler for its next step or event."""
+
+    def __init__(self, generator: Slow, answer: Answer) -> None:
+        self._generator = generator
+        self._answer = answer
+        self.done = False
+
+    def resume(self) -> Wait | None:
+        """Runs to the next wait and returns it; None means that the request has been answered."""
+        try:
+            return next(self._generator)
+        except StopIteration as stop:
+            self._answer.respond(stop.value)
+        except RequestError as error:
+            self._answer.refuse(str(error))
+        except Exception as error:
+            _log.exception("a service failed while it waited")
+            self._answer.refuse(f"internal error: {error!r}")
+        self.done = True
+        return None
+
+    def close(self, reason: str) -> None:
+        """Ends the request early: its `finally` blocks run, its client hears the reason."""
+        if self.done:
+            return
+        self.done = True
+        try:
+            self._generator.close()
+        except Exception:
+            _log.exception("a service failed while it was closed")
+        self._answer.refuse(reason)
+
+
+class Scheduler:
+    """Knows the next due step over all timers and waiting requests.
+
+    Attributes:
+        next_due: The earliest step at which something is due; NEVER if nothing is.
+    """
+
+    def __init__(self) -> None:
+        self.next_due = NEVER
+        self._heap: list[tuple[int, int, Callable[[int], None]]] = []
+        self._order = itertools.count()
+        self._timers: dict[Timer, int] = {}
+        self._jobs: dict[Job, None] = {}
+
+    def every(self, period_steps: Fraction, callback: Callable[[], None], start: int) -> Timer:
+        """Starts a timer.
+
+        Args:
+            period_steps: The period in steps, positive, not necessarily whole; a period below one step fires at every
+                step.
+            callback: Called at each firing.
+            start: The boundary from which the periods count.
+        """
+        timer = Timer(max(period_steps, Fraction(1)), callback, start)
+        order = next(self._order)
+        self._timers[timer] = order
+        self._push_timer(order, timer)
+        return timer
+
+    def start(self, generator: Slow, answer: Answer) -> None:
+        """Runs a slow service to its first wait and keeps it until it has answered."""
+        job = Job(generator, answer)
+        self._jobs[job] = None
+        self._resume(job)
+
+    def run_due(self, step: int) -> None:
+        """Calls everything that is due at the boundary after `step` steps, in order of due step, then of creation."""
+        heap = self._heap
+        while heap and heap[0][0] <= step:
+            _, _, run = heapq.heappop(heap)
+            run(step)
+        self.next_due = heap[0][0] if heap else NEVER
+
+    def close_jobs(self, reason: str) -> None:
+        """Ends every waiting request with `reason`."""
+        for job in list(self._jobs):
+            job.close(reason)
+        self._jobs.clear()
+
+    def rephase(self, step: int) -> None:
+        """Restarts the phase of every timer at `step`, and forgets everything else that was due."""
+        self._heap.clear()
+        self.next_due = NEVER
+        for timer, order in self._timers.items():
+            timer.rephase(step)
+            self._push_timer(order, timer)
+
+    def _push(self, due: int, order: int, run: Callable[[int], None]) -> None:
+        heapq.heappush(self._heap, (due, order, run))
+        self.next_due = self._heap[0][0]
+
+    def _push_timer(self, order: int, timer: Timer) -> None:
+        def fire(_: int) -> None:
+            if timer.cancelled:
+                del self._timers[timer]
+                return
+            timer.advance()
+            self._push_timer(order, timer)
+            timer.callback()
+
+        self._push(timer.due, order, fire)
+
+    def _resume(self, job: Job, *_: Any) -> None:
+        if job.done:
+            return
+        wait = job.resume()
+        if wait is None:
+            self._jobs.pop(job, None)
+        elif isinstance(wait, Event):
+            wait.when_set(lambda: self._resume(job))
+        else:
+            self._push(wait, next(self._order), lambda _: self._resume(job))

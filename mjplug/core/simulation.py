@@ -1,0 +1,178 @@
+"""The model and its state: stepping, divergence, saving and restoring. Physics thread only."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.core import divergence
+from mjplug.core.divergence import Divergence
+from mjplug.core.step_time import StepTime
+from mjplug.errors import MjplugError, ModelError, UnknownName
+
+Array = NDArray[np.float64]
+
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+
+class Simulation:
+    """Owns mjModel and mjData, and counts steps.
+
+    MuJoCo's own reaction to a bad state, a silent reset to `qpos0` and time 0, is switched off; `advance` reports it
+    instead.
+
+    Attributes:
+        model: The compiled model.
+        data: The live state.
+        step: Steps taken since the start; a reset does not change it.
+        epoch: Resets since the start.
+        time: Converts step numbers to simulated time.
+
+    Args:
+        model: The compiled model; its AUTORESET flag is cleared.
+        keyframe: Name of the keyframe to start from; empty means the model's default pose.
+
+    Raises:
+        UnknownName: There is no such keyframe.
+        ModelError: The time step is not positive.
+    """
+
+    def __init__(self, model: mujoco.MjModel, keyframe: str = "") -> None:
+        if not model.opt.timestep > 0:
+            raise ModelError(f"the model's timestep is {model.opt.timestep:g} s; it must be positive")
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.step = 0
+        self.epoch = 0
+        self.time = StepTime(float(model.opt.timestep))
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        if keyframe:
+            mujoco.mj_resetDataKeyframe(model, self.data, self.keyframe_id(keyframe))
+        self.data.time = 0.0
+        mujoco.mj_forward(model, self.data)
+        size = mujoco.mj_stateSize(model, _STATE)
+        self._initial = np.empty(size)
+        self._before = np.empty(size)
+        mujoco.mj_getState(model, self.data, self._initial, _STATE)
+        self._kinematics_current = True
+        self._warnings: NDArray[np.int32] = self.data.warning.number
+        self._known_warnings = self._warnings.tobytes()
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self.time.ns(self.step)
+
+    def advance(self, steps: int) -> Divergence | None:
+        """Takes physics steps.
+
+        Args:
+            steps: How many, at least 1.
+
+        Returns:
+            None when all went well. Otherwise what diverged; the state and the step count are then those before the
+            very step that went wrong.
+        """
+        model, data = self.model, self.data
+        mujoco.mj_getState(model, data, self._before, _STATE)
+        mujoco.mj_step(model, data, steps)
+        self._kinematics_current = False
+        if self._warnings.tobytes() != self._known_warnings:
+            found = self._inspect(steps)
+            if found is not None:
+                return found
+        self.step += steps
+        return None
+
+    def kinematics(self) -> None:
+        """Brings body, geom and site poses up to the current positions.
+
+        After a step they are one step older than `qpos`, because MuJoCo computes them first and integrates last.
+        """
+        if not self._kinematics_current:
+            mujoco.mj_kinematics(self.model, self.data)
+            self._kinematics_current = True
+
+    def forward(self) -> None:
+        """Brings everything derived from the state up to date, after the state was written."""
+        mujoco.mj_forward(self.model, self.data)
+        self._kinematics_current = True
+
+    def positions_changed(self) -> None:
+        """Notes that `qpos` was written, so that the next `kinematics` computes."""
+        self._kinematics_current = False
+
+    def restore(self, keyframe: int | None = None) -> None:
+        """Puts the initial state, or a keyframe, back, with warnings and plugin state; simulated time goes on.
+
+        Derived quantities are stale afterwards: call `forward`.
+        """
+        model, data = self.model, self.data
+        if keyframe is None:
+            mujoco.mj_resetData(model, data)
+            mujoco.mj_setState(model, data, self._initial, _STATE)
+        else:
+            mujoco.mj_resetDataKeyframe(model, data, keyframe)
+        data.time = self.time.seconds(self.step)
+        self._known_warnings = self._warnings.tobytes()
+        self._kinematics_current = False
+
+    def keyframe_id(self, name: str) -> int:
+        """Returns the id of a keyframe.
+
+        Raises:
+            UnknownName: There is none of that name.
+        """
+        return self._id(mujoco.mjtObj.mjOBJ_KEY, "keyframe", name, self.model.nkey)
+
+    def body_id(self, name: str) -> int:
+        """Returns the id of a body; `world` is 0.
+
+        Raises:
+            UnknownName: There is none of that name.
+        """
+        return self._id(mujoco.mjtObj.mjOBJ_BODY, "body", name, self.model.nbody)
+
+    def joint_id(self, name: str) -> int:
+        """Returns the id of a joint.
+
+        Raises:
+            UnknownName: There is none of that name.
+        """
+        return self._id(mujoco.mjtObj.mjOBJ_JOINT, "joint", name, self.model.njnt)
+
+    def _id(self, kind: mujoco.mjtObj, word: str, name: str, count: int) -> int:
+        found = mujoco.mj_name2id(self.model, kind, name) if name and "\0" not in name else -1
+        if found < 0:
+            names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
+            raise UnknownName(word, name, [n for n in names if n])
+        return found
+
+    def _inspect(self, steps: int) -> Divergence | None:
+        """Finds out whether a changed warning counter means divergence, and at which of the last `steps` steps it came.
+
+        A batch is replayed step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong
+        again.
+        """
+        model, data = self.model, self.data
+        found = divergence.find(model, data)
+        if found is not None and steps > 1:
+            self._rewind()
+            for _ in range(steps):
+                mujoco.mj_getState(model, data, self._before, _STATE)
+                mujoco.mj_step(model, data)
+                found = divergence.find(model, data)
+                if found is not None:
+                    break
+                self.step += 1
+            else:
+                raise MjplugError(
+                    "a diverging batch of steps did not diverge when it was repeated: MuJoCo was not deterministic"
+                )
+        if found is not None:
+            self._rewind()
+        self._known_warnings = self._warnings.tobytes()
+        return found
+
+    def _rewind(self) -> None:
+        mujoco.mj_setState(self.model, self.data, self._before, _STATE)
+        divergence.clear(self.data)

@@ -1,0 +1,243 @@
+"""What a plugin may use of the server, under the names that ROS users know. Physics thread only."""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.core.loop import Loop, Stepper
+from mjplug.core.scheduler import Slow, Timer
+from mjplug.errors import PluginError, RequestError
+from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug_schemas.builtin_interfaces import Time
+from mjplug_schemas.message import Message, Service
+
+M = TypeVar("M", bound=Message)
+
+LOGGER = "mjplug.instance"
+"""Parent of every instance's logger."""
+
+Resolve = Callable[[str], str]
+"""Turns a name as a plugin writes it into the full ROS name."""
+
+
+class Stepping(Protocol):
+    """The part of a plugin that the loop calls."""
+
+    def update(self) -> None:
+        """Runs before every step while active."""
+
+    def on_reset(self) -> None:
+        """Runs after every reset."""
+
+
+class Host:
+    """One plugin instance's view of the server.
+
+    Attributes:
+        name: The instance's name.
+        logger: Logs under `mjplug.instance.<name>`.
+        model: The compiled model. Fixed for the life of the plugin.
+        data: The live state. What `init` caches of its arrays stays valid.
+        velocity_override: Shape (nv,); in `update`, a finite entry becomes that DOF's velocity in `qvel` right before
+            the step, and NaN leaves it to physics. NaN-filled before the first plugin's update of each step.
+        random: Random numbers of this instance, seeded by `sim.seed` and its name.
+
+    Args:
+        name: The instance's name.
+        loop: The physics loop.
+        transport: Where endpoints are declared.
+        resolve: The instance's name rules.
+        seed: `sim.seed`.
+        disable_on_error: Whether an exception in the plugin's own work switches the plugin off instead of stopping the
+            server.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        loop: Loop,
+        transport: Transport,
+        resolve: Resolve,
+        seed: int = 0,
+        disable_on_error: bool = False,
+    ) -> None:
+        self.name = name
+        self.logger = logging.getLogger(f"{LOGGER}.{name}")
+        self.model: mujoco.MjModel = loop.simulation.model
+        self.data: mujoco.MjData = loop.simulation.data
+        self.velocity_override: NDArray[np.float64] = loop.velocity_override
+        self.random = np.random.default_rng([seed, *name.encode()])
+        self._loop = loop
+        self._transport = transport
+        self._resolve = resolve
+        self._disable_on_error = disable_on_error
+        self._disabled = ""
+        self._stepper: Stepper | None = None
+
+    @property
+    def step(self) -> int:
+        """Steps taken since the server started."""
+        return self._loop.simulation.step
+
+    @property
+    def epoch(self) -> int:
+        """Resets of the world since the server started."""
+        return self._loop.simulation.epoch
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self._loop.simulation.time_ns
+
+    def now(self) -> Time:
+        """Returns the simulated time as a message, for stamps."""
+        return Time.from_ns(self.time_ns)
+
+    def steps_covering(self, duration_ns: int) -> int:
+        """Returns the smallest number of steps that together last at least `duration_ns` [ns]."""
+        return self._loop.simulation.time.steps_covering(duration_ns)
+
+    def time_of(self, step: int) -> float:
+        """Returns the simulated time of a step boundary [s]."""
+        return self._loop.simulation.time.seconds(step)
+
+    def body_id(self, name: str) -> int:
+        """Returns a body's id.
+
+        Raises:
+            UnknownName: The model has no such body; the sentence lists those it has.
+        """
+        return self._loop.simulation.body_id(name)
+
+    def kinematics(self) -> None:
+        """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; after a step they are one step older."""
+        self._loop.simulation.kinematics()
+
+    def forward(self) -> None:
+        """Makes everything derived, sensors too, that of the current state; costs about a step."""
+        self._loop.simulation.forward()
+
+    def activate(self) -> None:
+        """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
+        if self._stepper is not None and not self._disabled:
+            self._loop.activate(self._stepper)
+
+    def deactivate(self) -> None:
+        """Ends the calls of `update`."""
+        if self._stepper is not None:
+            self._loop.deactivate(self._stepper)
+
+    def create_publisher(
+        self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
+    ) -> Publisher[M]:
+        """Declares a topic that the plugin publishes.
+
+        Args:
+            type: Message class.
+            name: `/absolute`, or relative (`name` and `~/name` mean the same) to `/<namespace>/<instance>/`.
+            qos: Quality of service.
+            on_matched: Called when a first listener appears.
+
+        Raises:
+            NameError_: The name breaks ROS's rules.
+        """
+        post = self._loop.inbox.post
+        notify = (lambda: post(self._guarded(on_matched))) if on_matched else None
+        return self._transport.open_publisher(Topic(self._resolve(name), type, qos), notify)
+
+    def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
+        """Declares a topic that the plugin reads; only the newest `qos.depth` messages since the last step are delivered.
+
+        Args:
+            type: Message class.
+            name: As for `create_publisher`.
+            callback: Gets each message, already validated against its type.
+            qos: Quality of service; the default delivers the newest message only, as commands want it.
+        """
+        pending: deque[M] = deque(maxlen=qos.depth)
+
+        def deliver(message: M) -> None:
+            pending.append(message)
+            self._loop.inbox.post(take)
+
+        def take() -> None:
+            # One call is posted per message; those that were overtaken by newer ones find nothing left.
+            if pending and not self._disabled:
+                message = pending.popleft()
+                try:
+                    callback(message)
+                except Exception:
+                    self.logger.exception("a message on %s could not be handled", name)
+
+        self._transport.open_subscription(Topic(self._resolve(name), type, qos), deliver)
+
+    def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
+        """Declares a service.
+
+        Args:
+            type: Service class.
+            name: As for `create_publisher`.
+            handler: Gets the request and the call, returns the response, or is a generator: it yields the step numbers
+                or events that it waits for, and returns the response. Its `finally` blocks run on completion, reset and
+                shutdown alike. To refuse, raise RequestError before anything has been applied. A generator may answer
+                early with `call.respond(…)`.
+        """
+
+        def serve(call: Call) -> None:
+            if self._disabled:
+                call.refuse(self._disabled)
+            else:
+                self._loop.serve(call, handler)
+
+        self._transport.open_service(
+            ServiceName(self._resolve(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
+        )
+
+    def create_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Calls back every `period` [s] of simulated time, first after one period; a reset restarts the phase.
+
+        Raises:
+            PluginError: The period is not a positive finite number.
+        """
+        if not 0 < period < float("inf"):
+            raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
+        simulation = self._loop.simulation
+        return self._loop.scheduler.every(simulation.time.steps_per(period), self._guarded(callback), simulation.step)
+
+    def attach(self, plugin: Stepping) -> None:
+        """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
+        self._stepper = _Guarded(self._guarded(plugin.update), self._guarded(plugin.on_reset))
+        self._loop.add(self._stepper)
+
+    def _guarded(self, callback: Callable[[], None]) -> Callable[[], None]:
+        """Wraps the plugin's own work, so that its failure is loud and follows the `on_plugin_error` policy."""
+
+        def call() -> None:
+            if self._disabled:
+                return
+            try:
+                callback()
+            except Exception as error:
+                self.logger.exception("plugin %s failed", self.name)
+                self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
+                self.deactivate()
+                if not self._disable_on_error:
+                    self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))
+
+        return call
+
+
+class _Guarded:
+    """A stepper whose calls are wrapped."""
+
+    def __init__(self, update: Callable[[], None], on_reset: Callable[[], None]) -> None:
+        self.update = update
+        self.on_reset = on_reset
+
+
+__all__ = ["Call", "Host", "RequestError"]

@@ -1,0 +1,68 @@
+"""What a plugin is: a class with typed parameters and four calls, all made on the physics thread."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from mjplug.plugin.host import Host
+
+
+class Parameters(BaseModel):
+    """Base of a plugin's parameters: frozen, strict, and refusing names it does not know.
+
+    Every field should have a description with its unit; `mjplug plugin info` shows them.
+    """
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True, allow_inf_nan=False
+    )
+
+
+P = TypeVar("P", bound=Parameters)
+
+
+class Plugin(ABC, Generic[P]):
+    """Base of every plugin; its type argument is its parameter model: `class Heartbeat(Plugin[HeartbeatParameters])`.
+
+    The calls come in this order, once each unless said otherwise: `init`; then `update` before every step while the
+    plugin is active (`host.activate()`), and `on_reset` after every reset of the world; at the end `cleanup`, also
+    after an `init` that failed. They are all made on the physics thread, so a plugin needs no locks, and must not
+    block.
+    """
+
+    parameters_type: ClassVar[type[Parameters]] = Parameters
+
+    def __init_subclass__(cls, **kwargs: object) -> None:
+        super().__init_subclass__(**kwargs)
+        for base in getattr(cls, "__orig_bases__", ()):
+            if get_origin(base) is Plugin and isinstance(argument := get_args(base)[0], type):
+                cls.parameters_type = argument
+
+    @abstractmethod
+    def init(self, host: Host, parameters: P) -> None:
+        """Looks names up once and creates publishers, subscriptions, services and timers.
+
+        Args:
+            host: What the plugin may use of the server; keep it.
+            parameters: The validated parameters of this instance.
+
+        Raises:
+            MjplugError: To refuse; the server then does not start, and the sentence is shown to the user.
+        """
+
+    def update(self) -> None:
+        """Runs before every step while the plugin is active.
+
+        `data.xfrc_applied` and `data.qfrc_applied` are zero before the first plugin's update: add to them. Body poses are those of
+        the previous step until `host.kinematics()` is called.
+        """
+
+    def on_reset(self) -> None:
+        """Runs after the world was reset: forget what belonged to the state before. Waiting requests are closed already."""
+
+    def cleanup(self) -> None:
+        """Releases what `init` took, beyond what was created through the host."""

@@ -1,0 +1,129 @@
+"""Puts the parts together: model, loop, wire, services, plugins; runs them and takes them down in order."""
+
+import logging
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from types import FrameType
+
+from mjplug.config.settings import Settings
+from mjplug.core import process
+from mjplug.core.loop import Loop
+from mjplug.core.simulation import Simulation
+from mjplug.errors import MjplugError, PluginError
+from mjplug.plugin import Host
+from mjplug.plugin.selection import Selected
+from mjplug.services import clock, reset_world, set_free_joint_state, set_pause, step_simulation
+from mjplug.transport import Transport
+from mjplug_schemas.names import resolve
+
+_log = logging.getLogger(__name__)
+
+
+class Server:
+    """One simulation with its services and plugins, on a transport.
+
+    Args:
+        settings: The configuration.
+        simulation: The model and its state.
+        transport: Where endpoints are declared; the caller closes it after `run`.
+        plugins: What to run, in the order of their updates.
+
+    Raises:
+        PluginError: A plugin refused to start; those that had started are cleaned up.
+    """
+
+    def __init__(
+        self, settings: Settings, simulation: Simulation, transport: Transport, plugins: Sequence[Selected]
+    ) -> None:
+        sim = settings.sim
+        self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
+        self._settings = settings
+        self._transport = transport
+        self._cleanups = ExitStack()
+        host = self._host(settings.node_name)
+        for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
+            service.offer(host, self.loop)
+        clock.offer(host, self.loop, sim.clock_rate)
+        try:
+            for selected in plugins:
+                self._start(selected)
+        except BaseException:
+            self._cleanups.close()
+            raise
+
+    def run(self, duration: float | None = None) -> None:
+        """Runs the loop in the calling thread until it is stopped, fails, or has simulated `duration` [s].
+
+        Raises:
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        loop = self.loop
+        if duration is not None:
+            loop.last_step = loop.simulation.time.steps_covering(round(duration * 1e9))
+        with self._cleanups, process.quick_switching():
+            process.prefer_this_thread()
+            loop.run()
+        if loop.failure is not None:
+            raise loop.failure
+
+    def cleanup(self) -> None:
+        """Takes the plugins down without having run."""
+        self._cleanups.close()
+
+    def _start(self, selected: Selected) -> None:
+        host = self._host(selected.name)
+        plugin = selected.plugin_class()
+        self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
+        host.attach(plugin)
+        try:
+            plugin.init(host, selected.parameters)
+        except MjplugError as error:
+            raise PluginError(f"plugin {selected.name} refused to start: {error}") from error
+        except Exception as error:
+            _log.exception("plugin %s failed to start", selected.name)
+            raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
+
+    def _host(self, name: str) -> Host:
+        settings = self._settings
+        return Host(
+            name,
+            self.loop,
+            self._transport,
+            partial(resolve, namespace=settings.namespace, node=name, remap=settings.remap),
+            settings.sim.seed,
+            settings.on_plugin_error == "disable",
+        )
+
+    @staticmethod
+    def _clean_up(name: str, cleanup: Callable[[], None]) -> None:
+        try:
+            cleanup()
+        except Exception:
+            _log.exception("plugin %s failed while it was cleaned up", name)
+
+
+@contextmanager
+def stopping_on_signals(loop: Loop) -> Iterator[None]:
+    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a second signal ends the process at once."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in numbers}
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        for other in numbers:
+            signal.signal(other, before[other] if other == signal.SIGINT else signal.SIG_DFL)
+        # SimpleQueue.put may be called from a signal handler, at any point of the loop.
+        loop.inbox.post(loop.stop)
+
+    for number in numbers:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, before[number])

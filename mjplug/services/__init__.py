@@ -1,0 +1,1 @@
+"""The server's own services, each offered through a host that resolves `~/x` to `/<namespace>/<node_name>/x`."""

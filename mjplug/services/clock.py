@@ -1,0 +1,30 @@
+"""`/clock` and the reset counter: what the server says about time."""
+
+from mjplug.core.loop import Loop
+from mjplug.plugin import Host
+from mjplug.transport import CLOCK, LATCHED
+from mjplug_schemas.rosgraph_msgs import Clock
+from mjplug_schemas.std_msgs import UInt64
+
+
+def offer(host: Host, loop: Loop, rate: float) -> None:
+    """Publishes simulated time at `rate` [Hz], and whenever that alone would leave a listener without the time.
+
+    That is: to a first listener at once, also while paused; after every step request; after every reset. `~/epoch` has
+    the number of resets so far, latched.
+    """
+
+    def tick() -> None:
+        if clock.matched:
+            clock.publish(Clock(clock=host.now()))
+
+    def after_reset() -> None:
+        tick()
+        epoch.publish(UInt64(data=host.epoch))
+
+    clock = host.create_publisher(Clock, "/clock", CLOCK, on_matched=tick)
+    epoch = host.create_publisher(UInt64, "~/epoch", LATCHED)
+    host.create_timer(1.0 / rate, tick)
+    loop.on_reset.append(after_reset)
+    loop.on_stepped.append(tick)
+    epoch.publish(UInt64(data=host.epoch))

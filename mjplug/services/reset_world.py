@@ -1,0 +1,26 @@
+"""`~/reset_world`: the initial state or a keyframe, with overrides, all or nothing."""
+
+from mjplug.core import reset
+from mjplug.core.loop import Loop
+from mjplug.errors import RequestError
+from mjplug.plugin import Host
+from mjplug.transport import Call
+from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
+
+
+def offer(host: Host, loop: Loop) -> None:
+    """Declares the service; simulated time goes on through a reset, and pause stays as it is."""
+
+    def reset_world(request: ResetWorld.Request, call: Call) -> ResetWorld.Response:
+        try:
+            plan = reset.validate(loop.simulation, request.keyframe, request.state_overrides)
+        except RequestError as error:
+            raise RequestError(f"{error}; the world was not reset") from None
+        loop.reset(plan)
+        state = f"keyframe {request.keyframe!r}" if request.keyframe else "its initial state"
+        counts = ((len(plan.joints), "joint"), (len(plan.free_joints), "free body"))
+        overrides = [f"{n} {what} override{'s' if n > 1 else ''}" for n, what in counts if n]
+        message = f"the world was reset to {state}" + (f" with {' and '.join(overrides)}" if overrides else "")
+        return ResetWorld.Response(success=True, message=message)
+
+    host.create_service(ResetWorld, "~/reset_world", reset_world)

@@ -1,0 +1,21 @@
+"""`~/set_free_joint_state`: places free bodies and gives them velocities, all or none."""
+
+from mjplug.core import free_joint
+from mjplug.core.loop import Loop
+from mjplug.plugin import Host
+from mjplug.transport import Call
+from mjplug_schemas.mujoco_ros2_control_msgs import SetFreeJointState
+
+
+def offer(host: Host, loop: Loop) -> None:
+    """Declares the service; everything derived from the state is up to date when it answers."""
+
+    def set_free_joint_state(request: SetFreeJointState.Request, call: Call) -> SetFreeJointState.Response:
+        targets = free_joint.validate(loop.simulation, request.free_joints)
+        if targets:
+            free_joint.apply(loop.simulation, targets)
+            loop.simulation.forward()
+        bodies = "1 body" if len(targets) == 1 else f"{len(targets)} bodies"
+        return SetFreeJointState.Response(success=True, message=f"set the state of {bodies}")
+
+    host.create_service(SetFreeJointState, "~/set_free_joint_state", set_free_joint_state)

@@ -1,0 +1,33 @@
+"""`~/step_simulation`: takes an exact number of steps from pause, at full speed."""
+
+from mjplug.core.loop import Loop
+from mjplug.core.scheduler import Slow
+from mjplug.errors import RequestError
+from mjplug.plugin import Host
+from mjplug.transport import Call
+from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
+
+
+def offer(host: Host, loop: Loop) -> None:
+    """Declares the service; its answer comes when the last step has been taken, or when it cannot be."""
+
+    def step_simulation(request: StepSimulation.Request, call: Call) -> Slow:
+        if not loop.paused:
+            raise RequestError("the simulation is running; pause it first (set_pause)")
+        if request.steps == 0:
+            raise RequestError("steps is 0; it must be at least 1")
+        first = host.step
+        goal = loop.step_while_paused(request.steps)
+        try:
+            yield goal.ended
+        finally:
+            loop.give_up(goal)
+        if goal.failure:
+            raise RequestError(
+                f"{goal.failure} ({max(0, min(host.step, goal.target) - first)} of {request.steps} steps were taken)"
+            )
+        return StepSimulation.Response(
+            success=True, message=f"took {request.steps} steps; t = {host.time_ns / 1e9:.6f} s"
+        )
+
+    host.create_service(StepSimulation, "~/step_simulation", step_simulation)

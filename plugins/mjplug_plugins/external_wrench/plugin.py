@@ -1,0 +1,107 @@
+"""The service, the arrows, and the sum of the active wrenches at every step."""
+
+from itertools import count
+
+from pydantic import Field
+
+from mjplug.core.scheduler import Slow
+from mjplug.errors import RequestError
+from mjplug.plugin import Host, Parameters, Plugin
+from mjplug.transport import Call
+from mjplug_plugins.external_wrench import markers
+from mjplug_plugins.external_wrench.wrench import Wrench, apply, parse
+from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
+from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
+from mjplug_schemas.visualization_msgs import MarkerArray
+
+MARKER_RATE = 30.0
+"""Markers per second of simulated time while a wrench is active [Hz]."""
+
+
+class ExternalWrenchParameters(Parameters):
+    """Parameters of ExternalWrench."""
+
+    force_arrow_scale: float = Field(default=0.01, ge=0, description="Arrow length per unit force [m/N].")
+    torque_arrow_scale: float = Field(default=0.1, ge=0, description="Arrow length per unit torque [m/(N·m)].")
+
+
+class ExternalWrench(Plugin[ExternalWrenchParameters]):
+    """Applies external wrenches to bodies for a span of simulated time.
+
+    Service `~/apply_wrench` answers when the longest wrench of the request has ended, or at once with `?wait=false`.
+    Topic `~/wrench_markers` shows the active ones. Force, torque and application point are in the body frame and turn
+    with the body at every step; overlapping wrenches add up; each ends by itself.
+    """
+
+    def init(self, host: Host, parameters: ExternalWrenchParameters) -> None:
+        """Declares the service and the markers."""
+        self._host = host
+        self._parameters = parameters
+        self._active: dict[Wrench, int] = {}
+        self._marker_ids = count()
+        self._next_markers = 0.0
+        self._timestep = float(host.model.opt.timestep)
+        self._markers = host.create_publisher(MarkerArray, "~/wrench_markers")
+        host.create_service(ApplyExternalWrench, "~/apply_wrench", self._apply)
+
+    def update(self) -> None:
+        """Adds the active wrenches to `xfrc_applied`, at the poses of this very step."""
+        host = self._host
+        host.kinematics()
+        step, data = host.step, host.data
+        for wrench in self._active:
+            apply(data, wrench, wrench.scale((step - wrench.start) * self._timestep))
+        if step >= self._next_markers:
+            self._show()
+
+    def _apply(self, request: ApplyExternalWrench.Request, call: Call) -> Slow:
+        wrenches = [self._parse(i, message) for i, message in enumerate(request.wrenches.external_wrenches)]
+        wait = call.parameters.get("wait", "true")
+        if wait not in ("true", "false"):
+            raise RequestError(f"parameter wait is {wait!r}; allowed: true, false")
+        if not wrenches:
+            return ApplyExternalWrench.Response(success=True, message="no wrench was given; nothing was applied")
+        longest = max(wrench.duration for wrench in wrenches)
+        what = f"{len(wrenches)} wrench{'es' if len(wrenches) > 1 else ''}"
+        if wait == "false":
+            call.respond(
+                ApplyExternalWrench.Response(success=True, message=f"applying {what}, the longest for {longest:g} s")
+            )
+        try:
+            self._start(wrenches)
+            for wrench in sorted(wrenches, key=lambda w: w.end):
+                yield wrench.end
+                self._end([wrench])
+        finally:
+            self._end([wrench for wrench in wrenches if wrench in self._active])
+        return ApplyExternalWrench.Response(success=True, message=f"applied {what}, the longest for {longest:g} s")
+
+    def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
+        try:
+            return parse(self._host, message)
+        except RequestError as error:
+            raise RequestError(f"external_wrenches[{index}]: {error}; nothing was applied") from None
+
+    def _start(self, wrenches: list[Wrench]) -> None:
+        self._active.update(zip(wrenches, self._marker_ids, strict=False))
+        self._next_markers = self._host.step
+        self._host.activate()
+
+    def _end(self, wrenches: list[Wrench]) -> None:
+        ended = [(wrench, self._active.pop(wrench)) for wrench in wrenches]
+        if ended and self._markers.matched:
+            self._markers.publish(MarkerArray(markers=[m for wrench, i in ended for m in markers.deletions(wrench, i)]))
+        if not self._active:
+            self._host.deactivate()
+
+    def _show(self) -> None:
+        step = self._host.step
+        self._next_markers = step + 1.0 / (MARKER_RATE * self._timestep)
+        if not self._markers.matched:
+            return
+        arrows = []
+        for wrench, marker_id in self._active.items():
+            scale = wrench.scale((step - wrench.start) * self._timestep)
+            force, torque = self._parameters.force_arrow_scale * scale, self._parameters.torque_arrow_scale * scale
+            arrows += markers.arrows(wrench, marker_id, force, torque)
+        self._markers.publish(MarkerArray(markers=arrows))

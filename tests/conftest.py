@@ -1,0 +1,99 @@
+"""Models and a loop without threads or sockets."""
+
+import mujoco
+import pytest
+from fakes import FakeTransport
+
+from mjplug.core.loop import Loop
+from mjplug.core.simulation import Simulation
+from mjplug.plugin import Host
+
+BOX = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <worldbody>
+    <body name="box" pos="0 0 1"><freejoint name="box_free"/>
+      <geom type="box" size=".1 .2 .3" mass="2" pos=".05 0 .02"/></body>
+    <body name="ball" pos="2 0 1"><freejoint/><geom type="sphere" size=".1" mass="1"/></body>
+    <body name="post" pos="5 0 0"><geom type="box" size=".1 .1 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+ARM = """
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom type="plane" size="5 5 .1"/>
+    <body name="upper" pos="0 0 2"><joint name="shoulder" axis="0 1 0" range="-1.5 1.5" limited="true"/>
+      <geom type="capsule" size=".05" fromto="0 0 0 .5 0 0"/>
+      <body name="lower" pos=".5 0 0"><joint name="elbow" axis="0 1 0"/>
+        <geom type="capsule" size=".04" fromto="0 0 0 .4 0 0"/>
+        <body name="slider" pos=".4 0 0"><joint name="extension" type="slide" axis="1 0 0" range="0 .2" limited="true"/>
+          <geom type="sphere" size=".03"/></body></body></body>
+    <body name="pendulum" pos="3 0 2"><joint name="socket" type="ball"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/></body>
+    <body name="cube" pos="1 1 .1"><freejoint name="cube_free"/><geom type="box" size=".1 .1 .1"/></body>
+    <body name="brick" pos="-1 1 .1"><freejoint/><geom type="box" size=".1 .05 .1"/></body>
+  </worldbody>
+  <actuator>
+    <position joint="shoulder" kp="200" kv="10"/>
+    <general joint="elbow" dyntype="filter" dynprm=".1" gainprm="5"/>
+  </actuator>
+  <keyframe>
+    <key name="bent" time="422.274" qpos=".5 -.7 .1  1 0 0 0  1 1 .5 1 0 0 0  -1 1 .5 1 0 0 0" ctrl=".5 .3" act=".25"/>
+  </keyframe>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def box_model():
+    return mujoco.MjModel.from_xml_string(BOX)
+
+
+@pytest.fixture
+def arm_model():
+    return mujoco.MjModel.from_xml_string(ARM)
+
+
+class World:
+    """A whole server without threads: a loop, a fake transport, and hosts for plugins under test."""
+
+    def __init__(self, model, **options):
+        self.simulation = Simulation(model, options.pop("keyframe", ""))
+        self.loop = Loop(self.simulation, **options)
+        self.transport = FakeTransport()
+        self.model, self.data = self.simulation.model, self.simulation.data
+
+    def host(self, name="test", **options):
+        def resolve(topic):
+            return topic if topic.startswith("/") else f"/{name}/{topic.removeprefix('~/')}"
+
+        return Host(name, self.loop, self.transport, resolve, **options)
+
+    def add(self, plugin_class, name, **parameters):
+        plugin = plugin_class()
+        host = self.host(name)
+        host.attach(plugin)
+        plugin.init(host, plugin_class.parameters_type(**parameters))
+        return plugin
+
+    def call(self, name, request=None, **parameters):
+        """Sends a request and lets the loop take it, without a step."""
+        call = self.transport.call(name, request, **parameters)
+        self.loop.step(0)
+        return call
+
+    def published(self, name):
+        return self.transport.publishers[name].messages
+
+
+@pytest.fixture
+def box_world(box_model):
+    return World(box_model)
+
+
+@pytest.fixture
+def arm_world(arm_model):
+    return World(arm_model)

@@ -1,0 +1,245 @@
+import mujoco
+import numpy as np
+import pytest
+from conftest import World
+
+from mjplug.core.reset import Reset
+from mjplug_schemas.std_msgs import String
+
+PENDULUM_THAT_BLOWS_UP = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <worldbody>
+    <body name="rod"><joint name="hinge" type="hinge"/><geom type="capsule" size=".05 .5"/></body>
+    <body name="cart" pos="0 5 0"><joint name="rail" type="slide" axis="0 1 0"/><geom type="sphere" size=".1" mass="1"/></body>
+  </worldbody>
+  <actuator><general joint="rail" biastype="affine" biasprm="0 0 40"/></actuator>
+</mujoco>
+"""
+
+
+class Recorder:
+    """A stepper that notes the step number of each update."""
+
+    def __init__(self, simulation):
+        self.simulation, self.updates, self.resets = simulation, [], 0
+
+    def update(self):
+        self.updates.append(self.simulation.step)
+
+    def on_reset(self):
+        self.resets += 1
+
+
+def test_a_batched_run_is_bit_identical_to_single_mujoco_steps(arm_model, arm_world):
+    data = mujoco.MjData(arm_model)
+    arm_world.loop.step(1000)
+    for _ in range(1000):
+        mujoco.mj_step(arm_model, data)
+    assert np.array_equal(arm_world.data.qpos, data.qpos)
+    assert np.array_equal(arm_world.data.qvel, data.qvel)
+    assert arm_world.simulation.step == 1000
+    assert arm_world.simulation.time_ns == 2_000_000_000
+
+
+def test_active_steppers_do_not_change_physics(arm_model):
+    quiet, busy = World(arm_model), World(arm_model)
+    recorder = Recorder(busy.simulation)
+    busy.loop.add(recorder)
+    busy.loop.activate(recorder)
+    quiet.loop.step(500)
+    busy.loop.step(500)
+    assert recorder.updates == list(range(500))
+    assert np.array_equal(quiet.data.qpos, busy.data.qpos)
+
+
+def test_an_inactive_stepper_is_not_called(arm_world):
+    recorder = Recorder(arm_world.simulation)
+    arm_world.loop.add(recorder)
+    arm_world.loop.step(10)
+    arm_world.loop.activate(recorder)
+    arm_world.loop.step(3)
+    arm_world.loop.deactivate(recorder)
+    arm_world.loop.step(10)
+    assert recorder.updates == [10, 11, 12]
+
+
+def test_timers_see_the_state_right_after_their_step(arm_world, arm_model):
+    seen = []
+    host = arm_world.host()
+    host.create_timer(0.01, lambda: seen.append((host.step, arm_world.data.qpos.copy())))
+    arm_world.loop.step(20)
+    data = mujoco.MjData(arm_model)
+    mujoco.mj_step(arm_model, data, nstep=5)
+    assert [step for step, _ in seen] == [5, 10, 15, 20]
+    assert np.array_equal(seen[0][1], data.qpos)
+
+
+def test_kinematics_are_those_of_the_current_positions_at_a_boundary(arm_world):
+    arm_world.loop.step(7)
+    stale = arm_world.data.xpos.copy()
+    arm_world.simulation.kinematics()
+    fresh = mujoco.MjData(arm_world.model)
+    fresh.qpos[:] = arm_world.data.qpos
+    mujoco.mj_kinematics(arm_world.model, fresh)
+    assert np.array_equal(arm_world.data.xpos, fresh.xpos)
+    assert not np.array_equal(stale, fresh.xpos)
+
+
+def test_a_finite_velocity_override_is_written_right_before_the_step_and_nan_leaves_it(box_world):
+    class Driver:
+        def update(self):
+            box_world.loop.velocity_override[0] = 0.7
+
+        def on_reset(self):
+            pass
+
+    driver = Driver()
+    box_world.data.qvel[1] = 0.3
+    box_world.loop.add(driver)
+    box_world.loop.activate(driver)
+    box_world.loop.step(100)
+    assert box_world.data.qvel[0] == 0.7
+    assert box_world.data.qpos[0] == pytest.approx(0.7 * 0.2, abs=1e-12)
+    assert box_world.data.qpos[1] == pytest.approx(0.3 * 0.2, abs=1e-12)
+    box_world.loop.deactivate(driver)
+    box_world.data.qvel[0] = 0.1
+    box_world.loop.step(10)
+    assert box_world.data.qvel[0] == pytest.approx(0.1, abs=1e-12)
+
+
+def test_forces_are_cleared_before_the_updates_and_when_nobody_is_active_any_more(box_world):
+    class Pusher:
+        def update(self):
+            assert not box_world.data.xfrc_applied.any()
+            assert not box_world.data.qfrc_applied.any()
+            box_world.data.xfrc_applied[1, 0] += 4.0
+            box_world.data.qfrc_applied[1] += 2.0
+
+        def on_reset(self):
+            pass
+
+    pusher = Pusher()
+    box_world.loop.add(pusher)
+    box_world.loop.activate(pusher)
+    box_world.loop.step(50)
+    box_world.loop.deactivate(pusher)
+    assert not box_world.data.xfrc_applied.any()
+    assert not box_world.data.qfrc_applied.any()
+
+
+def test_posted_calls_run_between_steps_in_order(arm_world):
+    ran = []
+    arm_world.loop.inbox.post(lambda: ran.append(("a", arm_world.simulation.step)))
+    arm_world.loop.inbox.post(lambda: ran.append(("b", arm_world.simulation.step)))
+    arm_world.loop.step(1)
+    assert ran == [("a", 0), ("b", 0)]
+
+
+def test_a_paused_loop_does_not_step_but_takes_posted_calls(arm_world):
+    arm_world.loop.pause()
+    ran = []
+    arm_world.loop.inbox.post(lambda: ran.append(True))
+    arm_world.loop.turn()
+    assert ran == [True]
+    assert arm_world.simulation.step == 0
+
+
+def test_only_the_newest_message_of_a_command_stream_is_delivered(arm_world):
+    got = []
+    arm_world.host().create_subscription(String, "/command", got.append)
+    for word in ("one", "two", "three"):
+        arm_world.transport.send("/command", String(data=word))
+    arm_world.loop.step(1)
+    assert got == [String(data="three")]
+
+
+def test_a_reset_restores_the_initial_state_bit_for_bit_and_keeps_time_going(arm_world):
+    loop, data = arm_world.loop, arm_world.data
+    loop.step(300)
+    first = data.qpos.copy()
+    loop.reset(Reset())
+    assert arm_world.simulation.time_ns == 600_000_000
+    assert data.time == pytest.approx(0.6)
+    loop.step(300)
+    assert np.array_equal(data.qpos, first)
+    assert arm_world.simulation.epoch == 1
+    assert arm_world.simulation.time_ns == 1_200_000_000
+
+
+def test_a_reset_tells_every_stepper_once_before_the_reset_callbacks(arm_world):
+    recorder, seen = Recorder(arm_world.simulation), []
+    arm_world.loop.add(recorder)
+    arm_world.loop.on_reset.append(lambda: seen.append((recorder.resets, arm_world.simulation.epoch)))
+    arm_world.loop.reset(Reset())
+    assert seen == [(1, 1)]
+
+
+def diverging_world(policy):
+    world = World(mujoco.MjModel.from_xml_string(PENDULUM_THAT_BLOWS_UP), on_divergence=policy)
+    world.data.qvel[1] = 1.0
+    return world
+
+
+def first_bad_step():
+    """Finds with MuJoCo alone at which step the model blows up."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM_THAT_BLOWS_UP)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    data = mujoco.MjData(model)
+    data.qvel[1] = 1.0
+    for step in range(1, 100_000):
+        mujoco.mj_step(model, data)
+        if data.warning.number[3:6].any():
+            return step
+    raise AssertionError("the model does not blow up")
+
+
+def test_divergence_pauses_before_the_very_step_and_names_the_joint(caplog):
+    world = diverging_world("pause")
+    bad = first_bad_step()
+    world.loop.step(bad + 500)
+    assert world.loop.paused
+    assert world.simulation.step == bad - 1
+    assert np.isfinite(world.data.qpos).all()
+    assert f"diverged in step {bad} " in caplog.text
+    assert "joint rail (coordinate 0, body cart)" in caplog.text
+
+
+def test_a_divergence_is_found_at_the_same_step_whether_batched_or_not():
+    world = diverging_world("pause")
+    recorder = Recorder(world.simulation)
+    world.loop.add(recorder)
+    world.loop.activate(recorder)
+    world.loop.step(first_bad_step() + 500)
+    assert world.simulation.step == first_bad_step() - 1
+
+
+def test_divergence_with_reset_policy_restores_the_initial_state_and_goes_on(caplog):
+    world = diverging_world("reset")
+    world.loop.step(first_bad_step() + 500)
+    assert world.simulation.epoch == 1
+    assert world.simulation.step == first_bad_step() + 500
+    assert world.data.qvel[1] == 0.0
+    assert "the world is reset" in caplog.text
+
+
+def test_divergence_with_stop_policy_ends_the_loop_with_the_reason():
+    world = diverging_world("stop")
+    world.loop.run()
+    assert "joint rail" in str(world.loop.failure)
+
+
+def test_after_a_divergence_a_reset_makes_the_simulation_run_again():
+    world = diverging_world("pause")
+    world.loop.step(first_bad_step())
+    world.loop.reset(Reset())
+    world.loop.resume()
+    world.loop.step(100)
+    assert not world.loop.paused
+    assert world.simulation.step == first_bad_step() - 1 + 100
+
+
+def test_the_run_can_be_stopped_from_the_inbox(arm_world):
+    arm_world.loop.inbox.post(arm_world.loop.stop)
+    arm_world.loop.run()
+    assert arm_world.simulation.step <= 1
