@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from types import FrameType
+from typing import Any
 
 from mjplug.config.settings import Settings
 from mjplug.core import process
 from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
 from mjplug.errors import MjplugError, PluginError
-from mjplug.plugin import Host
+from mjplug.plugin import Host, Plugin
 from mjplug.plugin.selection import Selected
 from mjplug.services import clock, reset_world, set_free_joint_state, set_pause, step_simulation
 from mjplug.transport import Transport
@@ -24,6 +25,10 @@ _log = logging.getLogger(__name__)
 
 class Server:
     """One simulation with its services and plugins, on a transport.
+
+    Attributes:
+        loop: The physics loop.
+        plugins: The plugins that run, by instance name.
 
     Args:
         settings: The configuration.
@@ -40,6 +45,7 @@ class Server:
     ) -> None:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
+        self.plugins: dict[str, Plugin[Any]] = {}
         self._settings = settings
         self._transport = transport
         self._cleanups = ExitStack()
@@ -75,7 +81,7 @@ class Server:
 
     def _start(self, selected: Selected) -> None:
         host = self._host(selected.name)
-        plugin = selected.plugin_class()
+        plugin = self.plugins[selected.name] = selected.plugin_class()
         self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
         host.attach(plugin)
         try:

@@ -39,7 +39,8 @@ def unit_quat_wxyz(value: Quaternion, what: str) -> Array:
             "a quaternion must be finite and its norm must not be zero"
         )
     quat /= largest
-    return quat / np.linalg.norm(quat)
+    mujoco.mju_normalize4(quat)
+    return quat
 
 
 def compose(quat_a: Array, quat_b: Array) -> Array:

@@ -116,6 +116,10 @@ class Simulation:
         self._known_warnings = self._warnings.tobytes()
         self._kinematics_current = False
 
+    def keyframes(self) -> list[str]:
+        """Returns the names of the model's keyframes."""
+        return self._names(mujoco.mjtObj.mjOBJ_KEY, self.model.nkey)
+
     def keyframe_id(self, name: str) -> int:
         """Returns the id of a keyframe.
 
@@ -143,9 +147,12 @@ class Simulation:
     def _id(self, kind: mujoco.mjtObj, word: str, name: str, count: int) -> int:
         found = mujoco.mj_name2id(self.model, kind, name) if name and "\0" not in name else -1
         if found < 0:
-            names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
-            raise UnknownName(word, name, [n for n in names if n])
+            raise UnknownName(word, name, self._names(kind, count))
         return found
+
+    def _names(self, kind: mujoco.mjtObj, count: int) -> list[str]:
+        names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
+        return [name for name in names if name]
 
     def _inspect(self, steps: int) -> Divergence | None:
         """Finds out whether a changed warning counter means divergence, and at which of the last `steps` steps it came.

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from mjplug.core.loop import Loop, Stepper
 from mjplug.core.scheduler import Slow, Timer
-from mjplug.errors import PluginError, RequestError
+from mjplug.errors import PluginError
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug_schemas.builtin_interfaces import Time
+from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
@@ -122,6 +123,17 @@ class Host:
         """Makes everything derived, sensors too, that of the current state; costs about a step."""
         self._loop.simulation.forward()
 
+    def full_name(self, name: str) -> str:
+        """Returns the full ROS name of a topic or service as this plugin writes it, after remapping.
+
+        Raises:
+            PluginError: The name breaks ROS's rules.
+        """
+        try:
+            return self._resolve(name)
+        except NameRuleError as error:
+            raise PluginError(str(error)) from error
+
     def activate(self) -> None:
         """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
         if self._stepper is not None and not self._disabled:
@@ -144,11 +156,11 @@ class Host:
             on_matched: Called when a first listener appears.
 
         Raises:
-            NameError_: The name breaks ROS's rules.
+            PluginError: The name breaks ROS's rules.
         """
         post = self._loop.inbox.post
         notify = (lambda: post(self._guarded(on_matched))) if on_matched else None
-        return self._transport.open_publisher(Topic(self._resolve(name), type, qos), notify)
+        return self._transport.open_publisher(Topic(self.full_name(name), type, qos), notify)
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
         """Declares a topic that the plugin reads; only the newest `qos.depth` messages since the last step are delivered.
@@ -174,7 +186,7 @@ class Host:
                 except Exception:
                     self.logger.exception("a message on %s could not be handled", name)
 
-        self._transport.open_subscription(Topic(self._resolve(name), type, qos), deliver)
+        self._transport.open_subscription(Topic(self.full_name(name), type, qos), deliver)
 
     def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
         """Declares a service.
@@ -195,7 +207,7 @@ class Host:
                 self._loop.serve(call, handler)
 
         self._transport.open_service(
-            ServiceName(self._resolve(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
+            ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
         )
 
     def create_timer(self, period: float, callback: Callable[[], None]) -> Timer:
@@ -239,5 +251,3 @@ class _Guarded:
         self.update = update
         self.on_reset = on_reset
 
-
-__all__ = ["Call", "Host", "RequestError"]

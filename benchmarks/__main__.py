@@ -1,0 +1,44 @@
+"""Runs every measurement, prints one table and writes it to docs/benchmarks.md."""
+
+import os
+import platform
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+from benchmarks import lateness, publication, round_trip, steps
+from benchmarks.measure import Result
+
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
+
+_INTRODUCTION = """# Benchmarks
+
+Written by `make bench`. Ours and the other are measured in turn within one run, since machines are shared and their speed drifts; the
+ratio is the median over the pairs, with the smallest and the largest in brackets. Absolute figures are of one machine on one day.
+"""
+
+
+def _table(results: list[Result]) -> str:
+    rows = ["| what | ours | the other | ratio (spread) | goal | |", "|---|---|---|---|---|---|"]
+    for r in results:
+        ratio = f"{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f})"
+        rows.append(f"| {r.what} | {r.ours} | {r.other or '-'} | {ratio} | {r.goal} | {'met' if r.met else 'missed'} |")
+    return "\n".join(rows)
+
+
+def main() -> int:
+    """Measures; returns 0 whether or not the goals are met, since a noisy machine is no failure."""
+    results: list[Result] = []
+    for part in (steps, publication, round_trip, lateness):
+        print(f"measuring {part.__name__.removeprefix('benchmarks.')} ...", file=sys.stderr, flush=True)
+        results += part.results()
+    versions = ", ".join(f"{name} {version(name)}" for name in ("mjplug", "mujoco", "eclipse-zenoh", "numpy"))
+    machine = f"{os.cpu_count()} cores, {platform.system()} {platform.machine()}, Python {platform.python_version()}"
+    table = _table(results)
+    print(table)
+    PAGE.write_text(f"{_INTRODUCTION}\n{table}\n\nMeasured with {versions}; {machine}.\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

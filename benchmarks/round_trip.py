@@ -1,0 +1,80 @@
+"""The round trip of a service request, against a bare Zenoh query; both servers are processes of their own."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from statistics import median
+from time import perf_counter
+
+import zenoh
+
+from benchmarks.measure import Result, pairs
+from benchmarks.world import SMALL, client
+from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
+
+QUERIES = 300
+
+_BARE = """
+import sys, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"router"')
+config.insert_json5("scouting/multicast/enabled", "false")
+endpoint = sys.argv[1]
+config.insert_json5("listen/endpoints", f'["{endpoint}"]')
+with zenoh.open(config) as session:
+    answer = bytes.fromhex(sys.argv[2])
+    session.declare_queryable("bare", lambda query: query.reply("bare", answer))
+    print("ready", endpoint, flush=True)
+    sys.stdin.read()
+"""
+
+
+@contextmanager
+def _process(*command: str) -> Iterator[str]:
+    """Runs a server until the end of the block, and gives its endpoint."""
+    process = subprocess.Popen(
+        [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    assert process.stdout is not None
+    try:
+        line = next((text for text in process.stdout if "ready" in text), "")
+        found = re.search(r"tcp/\S+:\d+", line)
+        assert found, f"no endpoint in {line!r}"
+        yield found[0]
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+def _round_trip(session: zenoh.Session, key: str, payload: bytes) -> float:
+    times = []
+    for _ in range(QUERIES):
+        began = perf_counter()
+        replies = list(session.get(key, payload=payload, encoding=zenoh.Encoding.APPLICATION_CDR))
+        times.append(perf_counter() - began)
+        assert replies[0].ok is not None
+    return median(times) * 1e6
+
+
+def results() -> list[Result]:
+    """`set_pause` on a server that runs in real time."""
+    request = SetPause.Request(paused=False).to_cdr()
+    answer = SetPause.Response(success=True, message="the simulation is already running").to_cdr()
+    free = "tcp/127.0.0.1:0"
+    from mjplug.wire.endpoints import with_free_port  # noqa: PLC0415
+
+    bare_arguments = ("-c", _BARE, with_free_port(free), answer.hex())
+    served_arguments = ("-m", "mjplug", "serve", SMALL, "--listen", free)
+    with _process(*bare_arguments) as bare_at, _process(*served_arguments) as served_at:
+        with client(bare_at) as bare, client(served_at) as served:
+            return [
+                pairs(
+                    "round trip of set_pause while running in real time, against a bare Zenoh query",
+                    lambda: _round_trip(served, "mjplug/set_pause", request),
+                    lambda: _round_trip(bare, "bare", request),
+                    "<= 2",
+                    "{:.0f} µs",
+                )
+            ]

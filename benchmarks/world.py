@@ -1,0 +1,75 @@
+"""The servers that are measured: real ones, on a real Zenoh session."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+import mujoco
+import zenoh
+
+from mjplug.config.settings import Settings
+from mjplug.core import process
+from mjplug.core.model_file import load_model
+from mjplug.core.simulation import Simulation
+from mjplug.plugin.selection import Selected
+from mjplug.server import Server
+from mjplug.wire.network import Network, open_network
+from mjplug.wire.session import SessionSettings
+from mjplug_plugins.external_wrench import ExternalWrench
+from mjplug_plugins.heartbeat import Heartbeat
+
+SMALL, MIDDLING = "bundled:box", "bundled:quadruped"
+
+PLUGINS = [
+    Selected(name, plugin, plugin.parameters_type())
+    for name, plugin in (("heartbeat", Heartbeat), ("external_wrench", ExternalWrench))
+]
+
+
+def model_of(uri: str) -> mujoco.MjModel:
+    """Compiles a model, afresh each time."""
+    return load_model(uri).model
+
+
+@contextmanager
+def network() -> Iterator[Network]:
+    """Opens a session on a free port of this machine."""
+    opened = open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/mjplug")
+    try:
+        yield opened
+    finally:
+        opened.close()
+
+
+@contextmanager
+def server(uri: str, speed: float | str = "max", timestep: float | None = None) -> Iterator[tuple[Server, Network]]:
+    """A whole server, with Heartbeat and ExternalWrench, in this process."""
+    settings = Settings.model_validate({"model": uri, "sim": {"speed": speed}})
+    model = model_of(uri)
+    if timestep is not None:
+        model.opt.timestep = timestep
+    with network() as opened:
+        yield Server(settings, Simulation(model), opened, PLUGINS), opened
+
+
+@contextmanager
+def client(endpoint: str) -> Iterator[zenoh.Session]:
+    """A Zenoh client."""
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    with zenoh.open(config) as session:
+        yield session
+
+
+def bare_steps_per_second(model: mujoco.MjModel, steps: int) -> float:
+    """Times a bare loop of `mj_step(nstep=100)` from the model's initial state."""
+    data = mujoco.MjData(model)
+    began = perf_counter()
+    for _ in range(steps // 100):
+        mujoco.mj_step(model, data, nstep=100)
+    return steps / (perf_counter() - began)
+
+
+process.tame_mujoco()

@@ -1,0 +1,157 @@
+"""`mjplug serve`: from a configuration file or a model to a running server."""
+
+import logging
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mjplug.cli.log import logging_to_stderr
+from mjplug.config.load import Loaded, load
+
+if TYPE_CHECKING:
+    from mjplug.core.simulation import Simulation
+
+PATIENCE = 2.0
+"""How long a model may compile before the user is told that it still does [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+def serve(
+    config: Annotated[
+        str,
+        typer.Argument(
+            metavar="CONFIG|MODEL",
+            help="A configuration file, a ROS parameter file (with --model), or a model: .xml .mjb .urdf bundled:NAME package://...",
+        ),
+    ],
+    model: Annotated[str | None, typer.Option(help="The model, in place of the one in the file.")] = None,
+    paused: Annotated[bool, typer.Option("--paused", help="Start paused.")] = False,
+    keyframe: Annotated[str | None, typer.Option(help="Start from this keyframe of the model.")] = None,
+    speed: Annotated[str | None, typer.Option(metavar="FACTOR|max", help="Real-time factor, or max.")] = None,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option("--listen", "-l", help="Zenoh endpoint to listen on; tcp/127.0.0.1:0 takes a free port. Repeatable."),
+    ] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option("--connect", "-e", help="Zenoh endpoint to connect to. Repeatable.")
+    ] = None,
+    plugin: Annotated[
+        list[str] | None,
+        typer.Option("--plugin", "-p", metavar="TYPE[:NAME]", help="Add a plugin with its default parameters. Repeatable."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, e.g. sim.clock_rate=50. Repeatable."),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.0, metavar="SECONDS", help="End after so much simulated time.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Check configuration, model and plugins, then end; nothing goes on the network.")
+    ] = False,
+    verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Say more.")] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what is wrong.")] = False,
+) -> None:
+    """Runs a model and puts it on Zenoh.
+
+    Everything in CONFIG can be overridden: --set beats the environment (MJPLUG_SIM__SPEED=2), which beats the file.
+
+    Examples:
+
+      mjplug serve config.yaml
+
+      mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench
+
+      mjplug serve ros_params.yaml --model scene.xml --speed max --duration 10
+
+      mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)
+    """
+    sets = [*_plugins(plugin or []), *(set_ or [])]
+    sets += ["sim.paused=true"] if paused else []
+    sets += [f"sim.keyframe={keyframe}"] if keyframe is not None else []
+    sets += [f"sim.speed={speed}"] if speed is not None else []
+    sets += [f"zenoh.listen=[{', '.join(listen)}]"] if listen else []
+    sets += [f"zenoh.connect=[{', '.join(connect)}]"] if connect else []
+    with logging_to_stderr(-1 if quiet else verbose):
+        loaded = load(config, model=model, sets=sets)
+        _run(loaded, duration, check)
+
+
+def _run(loaded: Loaded, duration: float | None, check: bool) -> None:
+    # Imported late, so that `mjplug --help` needs neither MuJoCo nor Zenoh.
+    from mjplug.core import process  # noqa: PLC0415
+    from mjplug.core.model_file import load_model  # noqa: PLC0415
+    from mjplug.core.simulation import Simulation  # noqa: PLC0415
+    from mjplug.plugin.selection import select  # noqa: PLC0415
+    from mjplug.server import Server, stopping_on_signals  # noqa: PLC0415
+
+    settings = loaded.settings
+    plugins = select(loaded)
+    process.tame_mujoco()
+    with _progress(f"compiling {settings.model}"):
+        model = load_model(settings.model, loaded.folder)
+    simulation = Simulation(model.model, settings.sim.keyframe)
+    if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
+        _log.info("starting from the model's default pose; it also has keyframes (--keyframe): %s", ", ".join(keyframes))
+    names = ", ".join(p.name for p in plugins) or "none"
+    summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
+    if check:
+        from mjplug.offline import OfflineTransport  # noqa: PLC0415
+
+        Server(settings, simulation, OfflineTransport(), plugins).cleanup()
+        typer.echo(f"ok · {summary}")
+        return
+    from mjplug.wire.network import open_network  # noqa: PLC0415
+    from mjplug.wire.session import SessionSettings  # noqa: PLC0415
+
+    zenoh = settings.zenoh
+    config = Path(loaded.folder, zenoh.config) if zenoh.config is not None else None
+    network = open_network(
+        SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, config), f"{settings.namespace}/{settings.node_name}"
+    )
+    try:
+        server = Server(settings, simulation, network, plugins)
+        state = "paused" if settings.sim.paused else "speed max" if settings.sim.speed == "max" else f"speed {settings.sim.speed:g}"
+        typer.echo(f"ready · {network.session.endpoint} · {summary} · {state}")
+        sys.stdout.flush()
+        with stopping_on_signals(server.loop):
+            server.run(duration)
+    finally:
+        network.close("the server is stopping")
+    _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
+
+
+def _plugins(wanted: list[str]) -> list[str]:
+    """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`."""
+    from mjplug.plugin.registry import registered  # noqa: PLC0415
+
+    sets = []
+    for text in wanted:
+        kind, colon, name = text.rpartition(":")
+        # In module:Class the colon belongs to the type.
+        if not colon or (kind not in registered() and ":" not in kind):
+            kind, name = text, text.replace(":", "/").split("/")[-1]
+        sets.append(f"plugins.{name}.type={kind}")
+    return sets
+
+
+def _size(simulation: "Simulation") -> str:
+    model = simulation.model
+    return f"{model.nbody - 1} bodies, {model.nv} degrees of freedom, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[None]:
+    """Says after a while that something still goes on."""
+    timer = threading.Timer(PATIENCE, _log.info, (f"{what} ...",))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
