@@ -1,0 +1,105 @@
+"""YAML text to PyYAML's nodes; syntax errors become problems with a place."""
+
+import re
+from typing import Any
+
+import yaml
+from yaml.events import CollectionEndEvent, CollectionStartEvent
+from yaml.nodes import Node
+from yaml.reader import ReaderError
+
+from mjplug.config.problem import Mark, Problem, Source
+from mjplug.errors import ConfigError
+
+try:
+    from yaml import CSafeLoader as _SafeLoader
+except ImportError:  # PyYAML built without libyaml: slower, otherwise the same
+    from yaml import SafeLoader as _SafeLoader  # type: ignore[assignment]
+
+MAX_DEPTH = 64
+"""Levels of nesting. The C parser recurses without a bound of its own, and ends the process on some ten thousand levels."""
+
+_SENTENCES = {
+    "but found another document": "a second document begins here; a configuration is one document",
+    "second occurrence": "duplicate anchor",
+}
+"""Problems that libyaml splits into two half sentences."""
+
+
+class _Loader(_SafeLoader):
+    """Leaves nodes without an explicit tag untagged, since YAML's own guess of a type is not ROS's."""
+
+    def resolve(self, kind: Any, value: Any, implicit: Any) -> str:
+        """Returns no tag."""
+        return ""
+
+
+def compose(text: str, source: Source) -> Node | None:
+    """Returns the root node, or None when there is nothing but comments.
+
+    Raises:
+        ConfigError: The text is no YAML, or nested too deeply.
+    """
+    try:
+        _refuse_deep_nesting(text, source)
+        return _Loader(text).get_single_node()
+    except ReaderError as error:
+        raise ConfigError([_unreadable_character(error, text, source)]) from None
+    except yaml.MarkedYAMLError as error:
+        raise ConfigError([_syntax_problem(error, source)]) from None
+    except UnicodeEncodeError as error:
+        message = f"YAML syntax: the character {text[error.start]!r} is not allowed"
+        raise ConfigError([Problem(message, _mark_at(text, error.start, source))]) from None
+
+
+def _refuse_deep_nesting(text: str, source: Source) -> None:
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, CollectionStartEvent):
+            depth += 1
+            if depth > MAX_DEPTH:
+                mark = event.start_mark
+                raise ConfigError(
+                    [Problem(f"nested deeper than {MAX_DEPTH} levels", Mark(source, mark.line + 1, mark.column + 1))]
+                )
+        elif isinstance(event, CollectionEndEvent):
+            depth -= 1
+
+
+def _syntax_problem(error: yaml.MarkedYAMLError, source: Source) -> Problem:
+    at = error.problem_mark or error.context_mark
+    message = f"YAML syntax: {_SENTENCES.get(error.problem or '', error.problem)}"
+    if error.problem not in _SENTENCES and error.context and error.context_mark and at and error.context_mark.line != at.line:
+        message += f" ({error.context} that starts on line {error.context_mark.line + 1})"
+    mark = _within(Mark(source, at.line + 1, at.column + 1)) if at else Mark(source)
+    line = source.lines[mark.line - 1] if 0 < mark.line <= len(source.lines) else ""
+    hint = ""
+    if line[mark.column - 1 :].startswith("\t") or re.match(" *\t", line):
+        hint = "indent with spaces, YAML allows no tabs"
+    elif "mapping values are not allowed" in message:
+        hint = "quote a text that contains ': '"
+    elif "undefined alias" in message:
+        hint = "quote a text that begins with '*'"
+    return Problem(message, mark, hint)
+
+
+def _within(mark: Mark) -> Mark:
+    """Moves a mark behind the end of the text, where the parser found something missing, to the end of the last line."""
+    lines = mark.source.lines
+    if not lines or (mark.line <= len(lines) and lines[mark.line - 1].strip()):
+        return mark
+    last = next((i for i in range(len(lines), 0, -1) if lines[i - 1].strip()), 1)
+    return mark if mark.line < last else Mark(mark.source, last, len(lines[last - 1]) + 1)
+
+
+def _unreadable_character(error: ReaderError, text: str, source: Source) -> Problem:
+    # `position` counts characters for text in memory, in both parsers.
+    message = f"YAML syntax: the character U+{error.character:04X} is not allowed"
+    return Problem(message, _mark_at(text, error.position, source))
+
+
+def _mark_at(text: str, position: int, source: Source) -> Mark:
+    if not source.lines:
+        return Mark(source)
+    before = re.split("\r\n|[\n\r\x85\u2028\u2029]", text[:position])
+    return Mark(source, len(before), len(before[-1]) + 1)

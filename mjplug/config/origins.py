@@ -1,0 +1,59 @@
+"""Where each part of a configuration came from: for errors, and for what its relative file names count from."""
+
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+
+from mjplug.config.document import KeyPath
+from mjplug.config.explain import dotted, explain
+from mjplug.config.problem import Problem
+from mjplug.config.tree import Tree
+
+
+class Origins:
+    """The places of a configuration's values.
+
+    Paths are tuples such as `("plugins", "hb", "update_rate")`.
+
+    Attributes:
+        folder: The folder of the main file; without a file, the current one.
+
+    Args:
+        tree: The values with their places.
+        folder: As above.
+    """
+
+    def __init__(self, tree: Tree, folder: Path) -> None:
+        self.folder = folder
+        self._tree = tree
+
+    def explain(self, error: ValidationError, prefix: KeyPath = (), model: type[BaseModel] | None = None) -> list[Problem]:
+        """Returns pydantic's findings as problems with a place.
+
+        Args:
+            error: What pydantic found.
+            prefix: The path of the mapping that was validated, such as `("plugins", "hb")`.
+            model: What it was validated with; known keys are then listed, and guessed for misspelt ones.
+        """
+        return explain(error, self._tree, prefix, model)
+
+    def problem(self, path: KeyPath, message: str, hint: str = "") -> Problem:
+        """Returns a problem with the value at a path; where there is none, with the section around it."""
+        return Problem(f"{dotted(path)}: {message}" if path else message, self._tree.place(path).value, hint)
+
+    def folders(self, path: KeyPath) -> tuple[Path, ...]:
+        """Returns where a relative file name at a path counts from, first choice first.
+
+        For a name in a file that is the file's folder, then the current one; for options and variables the other way round.
+        """
+        folder = self._tree.place(path).value.source.folder
+        choices = (folder, Path.cwd()) if folder is not None else (Path.cwd(), self.folder)
+        return tuple(dict.fromkeys(choices))
+
+    def path(self, path: KeyPath) -> Path | None:
+        """Returns the existing file that is named at a path, such as `("zenoh", "config")`; None if it does not exist, or has no name."""
+        name = self._tree.get(path)
+        if not isinstance(name, str):
+            return None
+        candidates = (folder / Path(name).expanduser() for folder in self.folders(path))
+        return next((file for file in candidates if file.is_file()), None)

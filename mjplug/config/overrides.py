@@ -1,0 +1,104 @@
+"""Values from the command line and from environment variables, put over those of the files."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import cast
+
+from mjplug.config.document import Place, parse_document, unquoted
+from mjplug.config.explain import dotted, show
+from mjplug.config.problem import Mark, Problem, Source
+from mjplug.config.settings import Section, Settings
+from mjplug.config.tree import NotASection, Tree
+from mjplug.errors import ConfigError, did_you_mean
+
+PREFIX = "MJPLUG_"
+
+RESERVED = ("MJPLUG_LOG",)
+"""Variables that begin like this say something else than the configuration."""
+
+
+def put_model(tree: Tree, model: str) -> None:
+    """Puts in the model that the command line names."""
+    _put(tree, ["model"], model, Source(f"--model {model}"), model)
+
+
+def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
+    """Puts in `MJPLUG_SIM__SPEED=2` and its like; `__` goes down one level.
+
+    Returns:
+        What is wrong with them.
+    """
+    problems: list[Problem] = []
+    for name, text in sorted(environ.items()):
+        if not name.startswith(PREFIX) or name.startswith(RESERVED):
+            continue
+        source = Source(f"environment {name}")
+        path = _spelled_as_there(tree, name.removeprefix(PREFIX).split("__"))
+        if path[0] not in Settings.model_fields:
+            suggestion = did_you_mean(name, list(_variables())).removeprefix(", ")
+            problems.append(Problem("no setting has this name", Mark(source), suggestion))
+        else:
+            problems += _put_text(tree, path, text, source)
+    return problems
+
+
+def put_sets(tree: Tree, sets: Sequence[str]) -> list[Problem]:
+    """Puts in `sim.speed=2` and its like, as `--set` takes them; later ones win.
+
+    Returns:
+        What is wrong with them.
+    """
+    problems: list[Problem] = []
+    for given in sets:
+        source = Source(f"--set {given}")
+        name, equals, text = given.partition("=")
+        path = name.strip().split(".")
+        if not equals or not all(path):
+            problems.append(Problem("write it as path=value, such as sim.speed=2", Mark(source)))
+        else:
+            problems += _put_text(tree, path, text, source)
+    return problems
+
+
+def _put_text(tree: Tree, path: Sequence[str], text: str, source: Source) -> list[Problem]:
+    try:
+        return _put(tree, path, _read(text, source), source, text)
+    except ConfigError as error:
+        return list(error.problems)
+
+
+def _put(tree: Tree, path: Sequence[str], value: object, source: Source, text: str) -> list[Problem]:
+    mark = Mark(source)
+    try:
+        tree.put(path, value, Place(mark, mark, text))
+    except NotASection as error:
+        return [Problem(f"{dotted(error.path)} is {show(error.value)}, it has no {path[len(error.path)]!r}", mark)]
+    return []
+
+
+def _read(text: str, source: Source) -> object:
+    """Reads a value: lists, mappings and quoted text as in YAML, everything else by the rules for unquoted scalars."""
+    if text.lstrip().startswith(("[", "{", '"', "'", "!")):
+        document = parse_document(text, source)
+        if document.problems:
+            raise ConfigError(document.problems)
+        return document.value
+    # An empty text is what `--set namespace=` means; in a file it would be nothing.
+    return unquoted(text.strip()) if text.strip() else ""
+
+
+def _spelled_as_there(tree: Tree, parts: Sequence[str]) -> list[str]:
+    """Spells a variable's parts like keys that are there already, otherwise in lower case."""
+    path: list[str] = []
+    for part in parts:
+        node = tree.get(tuple(path))
+        keys = cast(Mapping[str, object], node) if isinstance(node, dict) else {}
+        path.append(next((key for key in keys if key.lower() == part.lower()), part.lower()))
+    return path
+
+
+def _variables() -> Iterator[str]:
+    """Yields the variables there are, but for those of plugins."""
+    for name, field in Settings.model_fields.items():
+        yield f"{PREFIX}{name}".upper()
+        if isinstance(field.annotation, type) and issubclass(field.annotation, Section):
+            yield from (f"{PREFIX}{name}__{inner}".upper() for inner in field.annotation.model_fields)

@@ -1,0 +1,75 @@
+"""What is wrong with a configuration, and where: the file, line and column, or the command line option."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+from unicodedata import east_asian_width
+
+_WIDEST = 160
+"""Source lines longer than this are shown in part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a part of the configuration comes from.
+
+    Attributes:
+        name: As errors show it: `scene.yaml`, `--set sim.speed=-1`, `environment MJPLUG_SIM__SPEED`.
+        lines: The text of a file; empty for everything else.
+        folder: The folder of a file, from which its relative paths count; None for everything else.
+    """
+
+    name: str
+    lines: tuple[str, ...] = ()
+    folder: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A point in a source; line and column count from 1, and line 0 means the source as a whole."""
+
+    source: Source
+    line: int = 0
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong.
+
+    Attributes:
+        message: The sentence, without place.
+        mark: Where it is.
+        hint: A way out, such as `did you mean 'speed'?`; may be empty.
+        severity: Warnings do not stop the server.
+    """
+
+    message: str
+    mark: Mark
+    hint: str = ""
+    severity: Literal["error", "warning"] = "error"
+
+    def __str__(self) -> str:
+        mark = self.mark
+        line_exists = 0 < mark.line <= len(mark.source.lines)
+        place = f"{mark.source.name}:{mark.line}:{mark.column}" if mark.line else mark.source.name
+        head = f"{place}: {self.severity}: {self.message}"
+        if not line_exists:
+            return f"{head}; {self.hint}" if self.hint else head
+        text, before = _excerpt(mark.source.lines[mark.line - 1], mark.column - 1)
+        caret = f"{' ' * 5} | {before}^ {self.hint}".rstrip()
+        return f"{head}\n{mark.line:>5} | {text}\n{caret}"
+
+
+def _excerpt(line: str, column: int) -> tuple[str, str]:
+    """Returns what to show of a source line, and the blanks that put a caret below its `column` (from 0)."""
+    start = max(0, column - _WIDEST // 2) if len(line) > _WIDEST else 0
+    shown = "".join(c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in line[start : start + _WIDEST])
+    blanks = "".join(_blank(c) for c in shown[: column - start])
+    return shown, blanks + " " * (column - start - len(shown))
+
+
+def _blank(character: str) -> str:
+    if character == "\t":
+        return "\t"
+    return "  " if east_asian_width(character) in "WF" else " "

@@ -1,0 +1,107 @@
+"""What a configuration file can say: names, units, defaults, and what is allowed."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from mjplug.config.endpoint import check_endpoint
+from mjplug_schemas.names import normalize_namespace, validate_name, validate_node_name
+
+
+def _node_name(text: str) -> str:
+    validate_node_name(text)
+    return text
+
+
+def _full_name(text: str) -> str:
+    validate_name(text)
+    return text
+
+
+NodeName = Annotated[str, AfterValidator(_node_name)]
+FullName = Annotated[str, AfterValidator(_full_name)]
+Endpoints = Annotated[tuple[Annotated[str, AfterValidator(check_endpoint)], ...], Field(strict=False)]
+
+
+class Section(BaseModel):
+    """A part of the configuration: frozen, without unknown keys, and with scalars of exactly their type (an int is a float too)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Sim(Section):
+    """How the simulation runs."""
+
+    speed: Annotated[float, Field(gt=0)] | Literal["max"] = Field(
+        1.0, description="Real-time factor, above 0; `max` runs as fast as possible."
+    )
+    paused: bool = Field(False, description="Whether to start paused.")
+    keyframe: str = Field("", description="Name of the keyframe to start from; empty means the model's default pose.")
+    seed: int = Field(0, ge=0, description="Seed of all random numbers.")
+    clock_rate: float = Field(100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time].")
+    on_divergence: Literal["pause", "reset", "stop"] = Field(
+        "pause", description="What to do when the state becomes NaN or grows without bound."
+    )
+
+
+class Zenoh(Section):
+    """How the server gets onto the network."""
+
+    mode: Literal["auto", "router", "peer", "client"] = Field(
+        "auto", description="`auto` is a router, or a peer of the router that already listens there."
+    )
+    listen: Endpoints | None = Field(
+        None,
+        description="Endpoints to listen on, port 0 being any free one; `tcp/127.0.0.1:7447` for a router unless something else is said.",
+    )
+    connect: Endpoints = Field((), description="Endpoints to connect to.")
+    config: str | None = Field(
+        None, description="A Zenoh configuration file (JSON5): TLS, users, access control and all else that Zenoh can do."
+    )
+
+
+class Ros2(Section):
+    """How ROS 2 nodes on rmw_zenoh see the server."""
+
+    enabled: bool = Field(True, description="Whether topics and services appear in the ROS 2 graph.")
+    domain_id: int = Field(0, ge=0, le=232, description="The ROS domain (ROS_DOMAIN_ID of the nodes).")
+
+
+class PluginEntry(BaseModel):
+    """One plugin instance: its type, and parameters that the plugin itself checks."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True)
+
+    type: str = Field(
+        min_length=1,
+        description="Which plugin: a registered name such as `heartbeat` or `mujoco_ros2_control_plugins/ExternalWrenchPlugin`, or `module:Class`.",
+    )
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Everything but the type, as it stands in the file."""
+        return dict(self.__pydantic_extra__ or {})
+
+
+class Settings(Section):
+    """A whole configuration file."""
+
+    model: str = Field(
+        min_length=1,
+        description="The model: a .xml, .urdf, .mjb or .mjz file relative to this file, `package://pkg/path`, or `bundled:NAME`.",
+    )
+    node_name: NodeName = Field("mjplug", description="The server's own name: `/<namespace>/<node_name>/set_pause` and so on.")
+    namespace: Annotated[str, AfterValidator(normalize_namespace)] = Field(
+        "", description="ROS namespace of every relative name; empty is the root."
+    )
+    remap: dict[FullName, FullName] = Field({}, description="Full names, and what they are called instead: `{/scan: /robot1/scan}`.")
+    sim: Sim = Field(Sim(), description="How the simulation runs.")
+    zenoh: Zenoh = Field(Zenoh(), description="How the server gets onto the network.")
+    ros2: Ros2 = Field(Ros2(), description="How ROS 2 nodes on rmw_zenoh see the server.")
+    plugins: dict[NodeName, PluginEntry] = Field({}, description="What runs besides the server's own services, by instance name.")
+    ros_params: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="ROS parameter files whose `mujoco_plugins` run too; `plugins` has the last word."
+    )
+    on_plugin_error: Literal["stop", "disable"] = Field(
+        "stop", description="What an exception in a plugin's update does: end the server, or end only the plugin's work."
+    )

@@ -1,0 +1,114 @@
+"""The configuration while it is put together from files and options: values by path, each with its place."""
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from typing import cast
+
+from mjplug.config.document import Document, KeyPath, Place
+from mjplug.config.problem import Mark, Source
+
+
+class NotASection(Exception):
+    """A path goes through something that has no such part.
+
+    Attributes:
+        path: The last part of the path that is there.
+        value: What is there.
+    """
+
+    def __init__(self, path: KeyPath, value: object) -> None:
+        super().__init__(path, value)
+        self.path = path
+        self.value = value
+
+
+class Tree:
+    """Nested mappings that remember where each of their values came from.
+
+    Attributes:
+        value: The values put in so far.
+
+    Args:
+        source: Where a value that is nowhere would have to be added, such as the main file.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self.value: dict[str, object] = {}
+        self._places: dict[KeyPath, Place] = {(): Place(Mark(source), Mark(source))}
+
+    def merge(self, document: Document) -> None:
+        """Puts in a document, whose root is a mapping; mappings are merged, other values replace what was there."""
+        self._merge((), self.value, cast(Mapping[str, object], document.value))
+        self._places |= {path: place for path, place in document.places.items() if path}
+
+    def _merge(self, path: KeyPath, into: dict[str, object], new: Mapping[str, object]) -> None:
+        for key, value in new.items():
+            here = (*path, key)
+            old = into.get(key)
+            if isinstance(old, dict) and isinstance(value, dict):
+                self._merge(here, old, value)
+            else:
+                self._forget(here)
+                into[key] = deepcopy(value)
+
+    def put(self, path: Sequence[str], value: object, place: Place) -> None:
+        """Puts in a value that comes from one place as a whole, and makes missing sections on the way.
+
+        Args:
+            path: Where to; an item of a list by its number, as text.
+            value: The value; a mapping replaces the one that was there.
+            place: Where it came from.
+
+        Raises:
+            NotASection: A part of the path is there already, but has no parts, or no item of that number.
+        """
+        node: object = self.value
+        done: KeyPath = ()
+        for part in path[:-1]:
+            key = _key(node, part, done)
+            children = cast(dict[str | int, object], node)
+            done = (*done, key)
+            if isinstance(node, dict) and children.get(key) is None:
+                children[key] = {}
+                self._places[done] = place
+            node = children[key]
+        key = _key(node, path[-1], done)
+        done = (*done, key)
+        self._forget(done)
+        cast(dict[str | int, object], node)[key] = deepcopy(value)
+        self._places[done] = place
+
+    def get(self, path: KeyPath) -> object:
+        """Returns the value at a path, or None."""
+        node: object = self.value
+        for part in path:
+            if isinstance(node, dict) and part in node:
+                node = node[part]
+            elif isinstance(node, list) and isinstance(part, int) and part < len(node):
+                node = node[part]
+            else:
+                return None
+        return node
+
+    def remove(self, key: str) -> None:
+        """Takes out a key of the root."""
+        del self.value[key]
+        self._forget((key,))
+
+    def place(self, path: KeyPath) -> Place:
+        """Returns where the value at a path stands; if it is nowhere, where the nearest section around it does."""
+        while path not in self._places:
+            path = path[:-1]
+        return self._places[path]
+
+    def _forget(self, path: KeyPath) -> None:
+        for known in [p for p in self._places if p[: len(path)] == path]:
+            del self._places[known]
+
+
+def _key(node: object, part: str, path: KeyPath) -> str | int:
+    if isinstance(node, dict):
+        return part
+    if isinstance(node, list) and part.isdecimal() and int(part) < len(node):
+        return int(part)
+    raise NotASection(path, node)

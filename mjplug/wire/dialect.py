@@ -1,0 +1,72 @@
+"""The seam for another way to speak: how one ROS name becomes Zenoh entities, behind what publishers and services see.
+
+A dialect knows keys, encodings, attachments and tokens. It opens *outlets* for a publisher, *inlets* for a
+subscription and *doors* for a service. It knows neither message values nor what is done with them.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import zenoh
+
+from mjplug.transport import ServiceName, Topic
+from mjplug.wire.encoding import Form, Received
+
+
+class Outlet(Protocol):
+    """One key that a publisher writes to."""
+
+    @property
+    def form(self) -> Form:
+        """What it carries."""
+
+    @property
+    def matched(self) -> bool:
+        """Whether a put reaches anybody, now or as a late joiner."""
+
+    def put(self, payload: zenoh.ZBytes) -> None:
+        """Sends an encoded message. Physics thread."""
+
+
+class Inquiry(Protocol):
+    """One request as it came, with a way back. Answered or dropped once, from any thread."""
+
+    @property
+    def received(self) -> Received:
+        """The encoded request."""
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """The selector's parameters."""
+
+    @property
+    def needs_response(self) -> bool:
+        """Whether the client needs a response of the type in any case: an error reply leaves ROS clients hanging."""
+
+    def reply(self, payload: bytes, form: Form) -> None:
+        """Sends the encoded response, and ends the inquiry."""
+
+    def reply_error(self, sentence: str) -> None:
+        """Answers that there is no response, and ends the inquiry."""
+
+
+class Dialect(Protocol):
+    """One way to put topics and services on Zenoh. The callbacks it is given come back on Zenoh's threads."""
+
+    def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
+        """Returns the keys of a topic, by the names that the listing of interfaces gives them."""
+
+    def service_keys(self, service: ServiceName) -> Mapping[str, str]:
+        """Returns the keys of a service, likewise."""
+
+    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
+        """Declares what a publisher needs; `on_matched` is to be called when an outlet gets its first listener."""
+
+    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+        """Declares what a subscription needs."""
+
+    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
+        """Declares what a service needs."""
+
+    def close(self) -> None:
+        """Makes every outlet unmatched, for good; the session undeclares the rest."""

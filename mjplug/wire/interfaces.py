@@ -1,0 +1,141 @@
+"""The server's table of contents: a queryable on `<namespace>/<node_name>/interfaces` that answers with JSON.
+
+`interfaces` alone lists names, types, hashes and keys; `interfaces?schema=true` adds the definition text and the JSON
+Schema of each type. Answered on Zenoh's thread.
+"""
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from typing import Any, Literal
+
+import zenoh
+from zenoh.handlers import Callback
+
+from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.wire.encoding import TEXT
+from mjplug.wire.plain import key_of, parameters
+from mjplug_schemas.definition import definition
+from mjplug_schemas.message import Message
+from mjplug_schemas.rihs01 import type_hash
+
+_LOG = logging.getLogger(__name__)
+
+Direction = Literal["published", "subscribed"]
+
+
+@dataclass(frozen=True, slots=True)
+class TopicEntry:
+    """A topic of the server, what the server does with it, and its keys by their names in the listing."""
+
+    topic: Topic[Any]
+    direction: Direction
+    keys: Mapping[str, str]
+
+    def describe(self) -> dict[str, Any]:
+        """Returns what the listing says."""
+        qos: QoS = self.topic.qos
+        return {
+            "name": self.topic.name,
+            "direction": self.direction,
+            **self.keys,
+            "type": self.topic.type.TYPE,
+            "hash": _hash(self.topic.type),
+            "qos": asdict(qos),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceEntry:
+    """A service of the server, and its keys by their names in the listing."""
+
+    service: ServiceName
+    keys: Mapping[str, str]
+
+    def describe(self) -> dict[str, Any]:
+        """Returns what the listing says."""
+        return {
+            "name": self.service.name,
+            **self.keys,
+            "type": self.service.type.TYPE,
+            "hash": _hash(self.service.type),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """Everything that the server offers at one moment.
+
+    Immutable, since Zenoh's threads read it while the server declares more.
+
+    Attributes:
+        name: The server's full name.
+        version: mjplug's version.
+        endpoint: Where clients connect.
+        topics: Its topics.
+        services: Its services.
+    """
+
+    name: str
+    version: str
+    endpoint: str
+    topics: tuple[TopicEntry, ...] = ()
+    services: tuple[ServiceEntry, ...] = field(default=())
+
+    def to_json(self, schema: bool = False) -> bytes:
+        """Returns the listing as JSON text."""
+        told: dict[str, Any] = {
+            "name": self.name,
+            "version": self.version,
+            "endpoint": self.endpoint,
+            "topics": [entry.describe() for entry in self.topics],
+            "services": [entry.describe() for entry in self.services],
+        }
+        if schema:
+            types: list[Any] = [entry.topic.type for entry in self.topics] + [
+                entry.service.type for entry in self.services
+            ]
+            told["types"] = {type.TYPE: _schema(type) for type in types}
+        return json.dumps(told).encode()
+
+
+class InterfacesQueryable:
+    """Answers with the listing of the moment.
+
+    Attributes:
+        listing: The newest listing; assign to change it.
+    """
+
+    def __init__(self, session: zenoh.Session, listing: Listing) -> None:
+        self.listing = listing
+        self._key = key_of(f"{listing.name}/interfaces")
+        self._queryable = session.declare_queryable(self._key, Callback(self._answer, indirect=False))
+
+    def _answer(self, query: zenoh.Query) -> None:
+        with query:
+            try:
+                schema = parameters(query).get("schema", "false") == "true"
+                payload = self.listing.to_json(schema)
+            except Exception as error:
+                _LOG.exception("the listing of interfaces could not be made")
+                query.reply_err(f"the listing could not be made: {error}".encode(), encoding=TEXT)
+            else:
+                query.reply(self._key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
+
+
+def _hash(interface: Any) -> str:
+    # Any: mypy does not take a class for a hashable argument of a cached function.
+    return type_hash(interface)
+
+
+@cache
+def _schema(type: Any) -> dict[str, Any]:
+    if issubclass(type, Message):
+        return {"definition": definition(type), "schema": type.model_json_schema()}
+    return {
+        "definition": definition(type),
+        "request": type.Request.model_json_schema(),
+        "response": type.Response.model_json_schema(),
+    }

@@ -1,0 +1,165 @@
+"""The transport of the server: one Zenoh session, and the dialects that speak on it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any, TypeVar
+
+from mjplug.errors import WireError
+from mjplug.transport import Call, ServiceName, Topic
+from mjplug.wire import identity
+from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
+from mjplug.wire.dialect import Dialect
+from mjplug.wire.encoding import MAX_PAYLOAD
+from mjplug.wire.interfaces import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
+from mjplug.wire.plain import PlainDialect
+from mjplug.wire.publisher import WirePublisher
+from mjplug.wire.service import ServiceServer
+from mjplug.wire.session import SessionSettings, WireSession, open_session
+from mjplug.wire.subscription import Subscription
+from mjplug_schemas.message import Message
+
+M = TypeVar("M", bound=Message)
+
+
+class Network:
+    """Implements `mjplug.transport.Transport`.
+
+    Endpoints are declared on one thread; what they deliver comes on Zenoh's threads.
+
+    Attributes:
+        session: The session.
+        open_calls: The requests that wait for an answer.
+
+    Args:
+        session: An open session. The network closes it.
+        name: The server's full name, such as `/robot1/mjplug`.
+        dialects: What to speak; a topic or service is declared in each.
+        max_payload: The longest sample or request to look at [bytes].
+        max_open_calls: How many requests may wait for an answer.
+    """
+
+    def __init__(
+        self,
+        session: WireSession,
+        name: str,
+        dialects: Sequence[Dialect],
+        max_payload: int = MAX_PAYLOAD,
+        max_open_calls: int = MAX_OPEN_CALLS,
+    ) -> None:
+        self.session = session
+        self.open_calls = OpenCalls(max_open_calls)
+        self._dialects = tuple(dialects)
+        self._max_payload = max_payload
+        self._types: dict[str, type[Message]] = {}
+        self._servers: dict[str, ServiceServer] = {}
+        self._subscriptions: list[Subscription[Any]] = []
+        self._claim = identity.claim(session.zenoh, name)
+        self._interfaces = InterfacesQueryable(session.zenoh, Listing(name, version("mjplug"), session.endpoint))
+
+    @property
+    def listing(self) -> Listing:
+        """Everything that is declared now."""
+        return self._interfaces.listing
+
+    def open_publisher(self, topic: Topic[M], on_matched: Callable[[], None] | None = None) -> WirePublisher[M]:
+        """Declares a publisher.
+
+        Args:
+            topic: What is published.
+            on_matched: Called, on Zenoh's thread, each time one of its keys gets its first listener; never for a
+                latched topic, which needs no listener to be written.
+
+        Raises:
+            WireError: The name is in use with another type.
+        """
+        self._check(topic)
+        # Compiles the encoder now instead of at the first step that publishes.
+        topic.type().to_cdr()
+        notify = on_matched or _nothing
+        outlets = [outlet for dialect in self._dialects for outlet in dialect.open_outlets(topic, notify)]
+        self._list_topic(topic, "published")
+        return WirePublisher(topic, outlets)
+
+    def open_subscription(self, topic: Topic[M], deliver: Callable[[M], None]) -> None:
+        """Declares a subscription.
+
+        Args:
+            topic: What is read. Its depth is for `deliver` to keep: every valid message is handed over.
+            deliver: Gets each message, on Zenoh's threads; it must only enqueue.
+
+        Raises:
+            WireError: The name is in use with another type.
+        """
+        self._check(topic)
+        topic.type.from_cdr(topic.type().to_cdr())
+        subscription = Subscription(topic, deliver, self._max_payload)
+        self._subscriptions.append(subscription)
+        for dialect in self._dialects:
+            dialect.open_inlets(topic, subscription.receive)
+        self._list_topic(topic, "subscribed")
+
+    def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
+        """Declares a service.
+
+        Args:
+            service: What is offered.
+            deliver: Gets each request, on Zenoh's threads; it must only enqueue.
+
+        Raises:
+            WireError: The name is in use.
+        """
+        if service.name in self._servers:
+            raise WireError(f"service {service.name} is offered already; give one of the two another name")
+        server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._max_payload)
+        keys: dict[str, str] = {}
+        for dialect in self._dialects:
+            dialect.open_doors(service, server.receive)
+            keys |= dialect.service_keys(service)
+        entry = ServiceEntry(service, keys)
+        self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
+
+    def refuse_open_calls(self, reason: str) -> None:
+        """Answers every request that waits with a refusal."""
+        self.open_calls.refuse_all(reason)
+
+    def close(self, reason: str = "the server is stopping") -> None:
+        """Refuses the requests that wait, makes publishers unmatched and leaves the network; may be called twice."""
+        for dialect in self._dialects:
+            dialect.close()
+        self.open_calls.close(reason)
+        self.session.close()
+
+    def _check(self, topic: Topic[Any]) -> None:
+        known = self._types.setdefault(topic.name, topic.type)
+        if known is not topic.type:
+            raise WireError(f"topic {topic.name} is {known.TYPE} here already; it cannot be {topic.type.TYPE} too")
+
+    def _list_topic(self, topic: Topic[Any], direction: Direction) -> None:
+        keys = {name: key for dialect in self._dialects for name, key in dialect.topic_keys(topic).items()}
+        entry = TopicEntry(topic, direction, keys)
+        self._interfaces.listing = replace(self.listing, topics=(*self.listing.topics, entry))
+
+
+def open_network(
+    settings: SessionSettings,
+    name: str,
+    max_payload: int = MAX_PAYLOAD,
+    max_open_calls: int = MAX_OPEN_CALLS,
+) -> Network:
+    """Opens the session of the server called `name`, such as `/robot1/mjplug`, and speaks the plain dialect on it.
+
+    Raises:
+        WireError: The session cannot be opened, or another server has the name.
+    """
+    session = open_session(settings, name)
+    try:
+        return Network(session, name, [PlainDialect(session.zenoh)], max_payload, max_open_calls)
+    except BaseException:
+        # An open session would keep the process from ending.
+        session.close()
+        raise
+
+
+def _nothing() -> None:
+    pass

@@ -1,0 +1,148 @@
+"""The plain dialect: a ROS name without its leading slash is the key, so that any Zenoh client can talk to the server.
+
+A topic is CDR on `<key>` and JSON on `<key>/@json`. `@json` is a verbatim chunk: `**` does not see it, so nobody gets a
+message twice, and `**/@json` is everything that people can read. Both keys take messages too: CDR or JSON on `<key>`,
+JSON on `<key>/@json`, which is the one for JSON where zenoh-bridge-ros2dds hands the bytes on `<key>` to DDS unseen.
+
+A service is a queryable on `<key>` that answers CDR with CDR and JSON with JSON. It only takes queries for exactly its
+key: a curious `get('**')` must not reset anybody's world. It is not declared complete, since others may serve it too.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+from urllib.parse import unquote
+
+import zenoh
+from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
+from zenoh.handlers import Callback
+
+from mjplug.transport import ServiceName, Topic
+from mjplug.wire.dialect import Inquiry, Outlet
+from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
+from mjplug.wire.outlets import LatchedOutlet, LiveOutlet
+from mjplug_schemas import names
+
+_BRIDGE_MARK = b"rqh"
+_BRIDGE_ATTACHMENT_SIZE = 20
+"""How zenoh-bridge-ros2dds marks a request: these letters, a guid (8), a sequence number (8), the byte order (1)."""
+
+_FORMS: tuple[Form, ...] = ("cdr", "json")
+
+
+def key_of(name: str, form: Form = "cdr") -> str:
+    """Returns the key of a full ROS name."""
+    key = names.key(name)
+    return f"{key}/@json" if form == "json" else key
+
+
+class PlainDialect:
+    """Implements `mjplug.wire.dialect.Dialect` on one session."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._outlets: list[LiveOutlet | LatchedOutlet] = []
+        self._inlets: list[object] = []
+
+    def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
+        """Returns the CDR key and the JSON key."""
+        return {"key": key_of(topic.name), "json_key": key_of(topic.name, "json")}
+
+    def service_keys(self, service: ServiceName) -> Mapping[str, str]:
+        """Returns the key."""
+        return {"key": key_of(service.name)}
+
+    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
+        """Declares the two publishers of a topic."""
+        outlets = [self._open_outlet(topic, form, on_matched) for form in _FORMS]
+        self._outlets += outlets
+        return [*outlets]
+
+    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+        """Declares the two subscribers of a topic."""
+        for form in _FORMS:
+            only: Form | None = "json" if form == "json" else None
+            handler = Callback(_sample_handler(receive, only), indirect=False)
+            key = key_of(topic.name, form)
+            if topic.qos.durability == "volatile":
+                self._inlets.append(self._session.declare_subscriber(key, handler))
+            else:
+                reliable = topic.qos.reliability == "reliable"
+                self._inlets.append(
+                    declare_advanced_subscriber(
+                        self._session,
+                        key,
+                        handler,
+                        history=HistoryConfig(detect_late_publishers=True, max_samples=topic.qos.depth),
+                        recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if reliable else None,
+                        subscriber_detection=True,
+                    )
+                )
+
+    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
+        """Declares the queryable of a service."""
+        key = key_of(service.name)
+
+        def handle(query: zenoh.Query) -> None:
+            if str(query.key_expr) == key:
+                receive(PlainInquiry(query, key, service))
+            else:
+                with query:
+                    query.reply_err(f"{key} is a service; query exactly this key to call it".encode(), encoding=TEXT)
+
+        self._inlets.append(self._session.declare_queryable(key, Callback(handle, indirect=False), complete=False))
+
+    def close(self) -> None:
+        """Makes every outlet unmatched, for good."""
+        for outlet in self._outlets:
+            outlet.close()
+
+    def _open_outlet(self, topic: Topic[Any], form: Form, on_matched: Callable[[], None]) -> LiveOutlet | LatchedOutlet:
+        key, encoding = key_of(topic.name, form), encoding_of(form, topic.type)
+        if topic.qos.durability == "transient_local":
+            return LatchedOutlet(self._session, key, form, encoding, topic.qos)
+        return LiveOutlet(self._session, key, form, encoding, topic.qos, on_matched)
+
+
+class PlainInquiry:
+    """A query on a plain key."""
+
+    def __init__(self, query: zenoh.Query, key: str, service: ServiceName) -> None:
+        self.received = Received(query.payload, query.encoding)
+        self.parameters = parameters(query)
+        self.needs_response = _from_bridge(query.attachment)
+        self._query = query
+        self._key = key
+        self._response = service.type.Response
+
+    def reply(self, payload: bytes, form: Form) -> None:
+        """Sends the response."""
+        with self._query as query:
+            query.reply(self._key, payload, encoding=encoding_of(form, self._response))
+
+    def reply_error(self, sentence: str) -> None:
+        """Sends one sentence as `text/plain`, whatever the client speaks."""
+        with self._query as query:
+            query.reply_err(sentence.encode(), encoding=TEXT)
+
+
+def parameters(query: zenoh.Query) -> Mapping[str, str]:
+    """Returns the parameters of a query's selector, percent-decoded."""
+    given = str(query.parameters)
+    if not given:
+        return {}
+    pairs = (pair.partition("=") for pair in given.split(";") if pair)
+    return {unquote(name): unquote(value) for name, _, value in pairs}
+
+
+def _sample_handler(receive: Callable[[Received], None], only: Form | None) -> Callable[[zenoh.Sample], None]:
+    def handle(sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            receive(Received(sample.payload, sample.encoding, only))
+
+    return handle
+
+
+def _from_bridge(attachment: zenoh.ZBytes | None) -> bool:
+    if attachment is None or len(attachment) != _BRIDGE_ATTACHMENT_SIZE:
+        return False
+    return bytes(attachment).startswith(_BRIDGE_MARK)

@@ -1,0 +1,56 @@
+"""One service that the server offers. Runs on Zenoh's threads: decodes, checks, hands over."""
+
+import logging
+from collections.abc import Callable
+
+from mjplug.transport import Call, ServiceName
+from mjplug.wire.calls import OpenCalls, WireCall
+from mjplug.wire.dialect import Inquiry
+from mjplug.wire.encoding import MAX_PAYLOAD, Decoder, PayloadError
+from mjplug.wire.rejections import Rejections
+
+_LOG = logging.getLogger(__name__)
+
+
+class ServiceServer:
+    """Decodes the requests to one service. Runs on Zenoh's threads.
+
+    Attributes:
+        rejections: The requests that were not valid.
+
+    Args:
+        service: What is offered.
+        deliver: Gets each call; it must only enqueue.
+        open_calls: The session's open calls.
+        limit: The longest payload to look at [bytes].
+    """
+
+    def __init__(
+        self, service: ServiceName, deliver: Callable[[Call], None], open_calls: OpenCalls, limit: int = MAX_PAYLOAD
+    ) -> None:
+        self.rejections = Rejections(f"service {service.name}: a request was refused")
+        self._service = service
+        self._deliver = deliver
+        self._open_calls = open_calls
+        self._decoder = Decoder(service.type.Request, limit, also=service.type.TYPE, empty=True)
+
+    def receive(self, inquiry: Inquiry) -> None:
+        """Takes one request. Never raises: Zenoh's thread has other work to do."""
+        try:
+            form, request = self._decoder.decode(inquiry.received)
+        except PayloadError as error:
+            self.rejections.add(str(error))
+            reason = str(error)
+            if inquiry.needs_response:
+                self._open_calls.refuse(inquiry, self._service.type, reason, "cdr")
+            else:
+                self._open_calls.send(lambda: inquiry.reply_error(reason))
+            return
+        call = WireCall(inquiry, request, form, self._service.type, self._open_calls)
+        if not self._open_calls.admit(call):
+            return
+        try:
+            self._deliver(call)
+        except Exception:
+            _LOG.exception("service %s: a request could not be handed over", self._service.name)
+            call.refuse("the server failed to take the request; its log says why")

@@ -1,0 +1,177 @@
+"""CDR (XCDR version 1), byte for byte as Fast-CDR and rosbags write it: messages to bytes and back.
+
+A type is compiled on first use into a short plan of operations, one for each string, sequence or unbroken run of
+fixed-size fields, however deeply nested. Alignment counts from the end of the 4-byte header and is at most 8.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
+
+from mjplug_schemas import cdr_layout
+from mjplug_schemas.cdr_layout import Span
+from mjplug_schemas.cdr_operations import Blank, Fault, Number, Operation, Run, Text
+from mjplug_schemas.cdr_sequences import Element, Extent, Numbers, Octets, Structs, Texts
+from mjplug_schemas.errors import CodecError
+from mjplug_schemas.idl import Primitive
+from mjplug_schemas.shape import fields
+
+__all__ = ["Span", "decode", "encode", "encode_with_layout"]
+
+M = TypeVar("M", bound=BaseModel)
+
+_LITTLE_ENDIAN = b"\0\1\0\0"
+_BYTE_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
+# Frozen models refuse plain assignment, and these are quicker than object.__setattr__.
+_set_fields_set, _set_extra, _set_private = (
+    vars(BaseModel)[name].__set__ for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__")
+)
+# The end of the message may be padded to a multiple of 4.
+_MOST_PADDING = 3
+
+
+def encode(message: BaseModel) -> bytes:
+    """Returns a message in little-endian CDR, with its 4-byte header.
+
+    Raises:
+        CodecError: If a value does not fit its ROS type, which a validated message cannot hold.
+    """
+    return bytes(_encode(message))
+
+
+def encode_with_layout(message: BaseModel) -> tuple[bytearray, dict[str, Span]]:
+    """Returns a message in CDR with the place of each of its values, for writing new values over them.
+
+    Returns:
+        The buffer, and the span of each leaf by its path, such as `header.stamp.sec`, `position` (all elements of a
+        primitive sequence) or `free_joints[3].pose.pose.position.x`.
+    """
+    out = _encode(message)
+    return out, cdr_layout.spans(type(message), out)
+
+
+def decode(message: type[M], buffer: bytes | bytearray | memoryview) -> M:
+    """Returns the message of a given type that CDR bytes of either byte order hold.
+
+    Raises:
+        CodecError: If the bytes are truncated, too long, or hold what the type does not allow.
+    """
+    source = buffer if type(buffer) is bytes else bytes(memoryview(buffer))
+    order = _BYTE_ORDERS.get(source[:2])
+    if order is None or len(source) < 4:
+        raise CodecError(
+            f"{_name(message)}: expected a 4-byte CDR header that starts with 00 00 or 00 01, "
+            f"got {source[:4].hex(' ') or 'no bytes at all'}"
+        )
+    values: list[Any] = []
+    at = 4
+    try:
+        for operation in _plan(message, order):
+            at = operation.read(source, at, values)
+    except Fault as fault:
+        raise CodecError(f"{_name(message)}: {fault}") from None
+    if len(source) - at > _MOST_PADDING:
+        raise CodecError(f"{_name(message)}: the message ends at byte {at}, but {len(source) - at} more bytes follow")
+    built: M = _builder(message)(iter(values))
+    return built
+
+
+def _encode(message: BaseModel) -> bytearray:
+    out = bytearray(_LITTLE_ENDIAN)
+    try:
+        for operation in _plan(type(message), "<"):
+            operation.write(out, message)
+    except Fault as fault:
+        raise CodecError(f"{_name(type(message))}: {fault}") from None
+    except (TypeError, AttributeError, ValueError) as error:
+        raise CodecError(f"{_name(type(message))}: a value that was never validated does not fit: {error}") from error
+    return out
+
+
+def _name(message: type[BaseModel]) -> str:
+    return str(getattr(message, "TYPE", message.__name__))
+
+
+@cache
+def _plan(message: type[BaseModel], order: str) -> tuple[Operation, ...]:
+    plan: list[Operation] = []
+    run: list[Number] = []
+
+    def end_run() -> None:
+        if run:
+            plan.append(Run(run, order))
+            run.clear()
+
+    for step in _steps(message, order, ""):
+        if isinstance(step, Number):
+            run.append(step)
+        else:
+            end_run()
+            plan.append(step)
+    end_run()
+    return tuple(plan)
+
+
+def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operation | Number]:
+    if not fields(message):
+        yield Blank(prefix.removesuffix("."))
+    for field in fields(message):
+        path = prefix + field.name
+        extent = Extent(field.count, 0) if field.kind == "array" else Extent(None, field.count)
+        if not isinstance(field.element, Primitive):
+            if field.kind == "one":
+                yield from _steps(field.element, order, path + ".")
+            else:
+                parts = Element(_plan(field.element, order), _builder(field.element), least_size(field.element))
+                yield Structs(path, order, extent, parts)
+        elif field.octets:
+            yield Octets(path, order, extent)
+        elif field.element.size == 0:
+            wide = field.element.name == "wstring"
+            text = Text(path, order, field.text_bound, wide)
+            yield text if field.kind == "one" else Texts(path, order, extent, text)
+        elif field.kind == "one":
+            yield Number(path, field.element)
+        else:
+            yield Numbers(path, order, extent, field.element)
+
+
+@cache
+def least_size(message: type[BaseModel]) -> int:
+    """Returns how few bytes a message of this type can take, padding aside: what checks a claimed element count."""
+    total = 0
+    for field in fields(message):
+        element = (field.element.size or 4) if isinstance(field.element, Primitive) else least_size(field.element)
+        total += 4 if field.kind == "sequence" else element * (field.count or 1)
+    return max(total, 1)
+
+
+@cache
+def _builder(message: type[BaseModel]) -> Callable[[Iterator[Any]], Any]:
+    """Returns a function that makes the message from its values in the order of the wire.
+
+    It skips validation: what the operations read is right by construction.
+    """
+    names = tuple(field.name for field in fields(message))
+    inner = {
+        field.name: _builder(field.element)
+        for field in fields(message)
+        if field.kind == "one" and not isinstance(field.element, Primitive)
+    }
+    parts = [(name, inner.get(name, next)) for name in names]
+    # Shared by all instances: it is never changed, since messages are frozen and copies copy it.
+    fields_set = set(names)
+
+    def build(values: Iterator[Any]) -> Any:
+        built = message.__new__(message)
+        built.__dict__.update(
+            {name: part(values) for name, part in parts} if inner else zip(names, values, strict=False)
+        )
+        _set_fields_set(built, fields_set)
+        _set_extra(built, None)
+        _set_private(built, None)
+        return built
+
+    return build

@@ -1,0 +1,237 @@
+"""The operations of a CDR plan that have a number of elements: sequences and arrays."""
+
+import struct
+from collections.abc import Callable, Iterator
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from mjplug_schemas.cdr_operations import ZEROS, Fault, Operation, Text, shortage
+from mjplug_schemas.idl import Primitive
+
+
+class Extent(NamedTuple):
+    """How many elements there may be.
+
+    Attributes:
+        length: The length of an array; None for a sequence, which has its count on the wire.
+        bound: The bound of a sequence; 0 for none.
+    """
+
+    length: int | None
+    bound: int
+
+
+class Element(NamedTuple):
+    """The type of the messages in a sequence or array.
+
+    Attributes:
+        plan: What writes and reads one.
+        build: Makes one of the values that `plan` read.
+        least_size: How few bytes one can take.
+    """
+
+    plan: tuple[Operation, ...]
+    build: Callable[[Iterator[Any]], Any]
+    least_size: int
+
+
+class Counted:
+    """What sequences and arrays have in common: how many elements there are.
+
+    Args:
+        path: The field.
+        order: The byte order, `<` or `>`.
+        extent: How many elements there may be.
+    """
+
+    def __init__(self, path: str, order: str, extent: Extent) -> None:
+        self._path, self._order = path, order
+        self._length, self._bound = extent
+        self._get = attrgetter(path)
+        self._count = struct.Struct(order + "I")
+
+    def _write_count(self, out: bytearray, count: int) -> None:
+        if self._length is None:
+            self._check_bound(count, None)
+            out += ZEROS[-len(out) & 3] + self._count.pack(count)
+        elif count != self._length:
+            raise Fault(self._path, f"expected {self._length} elements, got {count}")
+
+    def _read_count(self, source: bytes, at: int) -> tuple[int, int]:
+        if self._length is not None:
+            return self._length, at
+        at += -at & 3
+        try:
+            (count,) = self._count.unpack_from(source, at)
+        except struct.error:
+            raise shortage(self._path, at, "a count of elements", 4, source) from None
+        self._check_bound(count, at)
+        return count, at + 4
+
+    def _check_bound(self, count: int, at: int | None) -> None:
+        if self._bound and count > self._bound:
+            raise Fault(self._path, f"expected at most {self._bound} elements, got {count}", at)
+
+
+class Numbers(Counted):
+    """A sequence or array of numbers."""
+
+    def __init__(self, path: str, order: str, extent: Extent, primitive: Primitive) -> None:
+        super().__init__(path, order, extent)
+        self._primitive, self._size = primitive, primitive.size
+        self._reader = primitive.code.replace("?", "B")
+
+    def write(self, out: bytearray, message: Any) -> None:
+        """Appends the numbers."""
+        values = self._get(message)
+        self._write_count(out, len(values))
+        if not values:
+            return
+        try:
+            numbers = struct.pack(f"{self._order}{len(values)}{self._primitive.code}", *values)
+        except (struct.error, OverflowError) as error:
+            raise Fault(self._path, f"not all elements are of type {self._primitive.name}: {error}") from None
+        out += ZEROS[(4 - len(out)) % self._size] + numbers
+
+    def read(self, source: bytes, at: int, values: list[Any]) -> int:
+        """Reads the numbers."""
+        count, at = self._read_count(source, at)
+        if count == 0:
+            values.append(())
+            return at
+        at += (4 - at) % self._size
+        end = at + count * self._size
+        if end > len(source):
+            raise shortage(self._path, at, f"{count} {self._primitive.name} values", count * self._size, source)
+        numbers = struct.unpack_from(f"{self._order}{count}{self._reader}", source, at)
+        if self._primitive.code == "?":
+            numbers = self._flags(numbers, at)
+        values.append(numbers)
+        return end
+
+    def _flags(self, numbers: tuple[int, ...], at: int) -> tuple[bool, ...]:
+        for i, number in enumerate(numbers):
+            if number > 1:
+                raise Fault(f"{self._path}[{i}]", f"expected a bool (0 or 1), got {number}", at + i)
+        return tuple(map(bool, numbers))
+
+
+class Octets(Counted):
+    """A sequence or array of bytes."""
+
+    def write(self, out: bytearray, message: Any) -> None:
+        """Appends the bytes."""
+        octets = self._get(message)
+        self._write_count(out, len(octets))
+        out += octets
+
+    def read(self, source: bytes, at: int, values: list[Any]) -> int:
+        """Reads the bytes."""
+        count, at = self._read_count(source, at)
+        end = at + count
+        if end > len(source):
+            raise shortage(self._path, at, f"{count} bytes", count, source)
+        values.append(source[at:end])
+        return end
+
+
+class Texts(Counted):
+    """A sequence or array of strings; plain ones are converted all at once, the others one by one."""
+
+    def __init__(self, path: str, order: str, extent: Extent, text: Text) -> None:
+        super().__init__(path, order, extent)
+        self._text = text
+
+    def write(self, out: bytearray, message: Any) -> None:
+        """Appends the strings."""
+        texts = self._get(message)
+        self._write_count(out, len(texts))
+        raws = self._encoded(texts)
+        if raws is None:
+            for i, text in enumerate(texts):
+                self._text.write_one(out, text, f"{self._path}[{i}]")
+            return
+        out += ZEROS[-len(out) & 3]
+        pack, size = self._count.pack, 0
+        for raw in raws:
+            size = len(raw)
+            out += pack(size + 1)
+            out += raw
+            out += ZEROS[4 - (size & 3)]
+        # Nothing needs the padding behind the last string; its NUL stays.
+        del out[len(out) - (3 - (size & 3)) :]
+
+    def _encoded(self, texts: tuple[str, ...]) -> list[bytes] | None:
+        if not texts or self._text.special:
+            return None
+        try:
+            raws = "\0".join(texts).encode().split(b"\0")
+        except (TypeError, UnicodeEncodeError):
+            return None
+        return raws if len(raws) == len(texts) else None
+
+    def read(self, source: bytes, at: int, values: list[Any]) -> int:
+        """Reads the strings."""
+        count, at = self._read_count(source, at)
+        if count * 4 > len(source) - at:
+            raise shortage(self._path, at, f"{count} strings", count * 4, source)
+        if count and not self._text.special and (found := self._decoded(source, at, count)):
+            texts, at = found
+        else:
+            texts = []
+            for i in range(count):
+                text, at = self._text.read_one(source, at, f"{self._path}[{i}]")
+                texts.append(text)
+        values.append(tuple(texts))
+        return at
+
+    def _decoded(self, source: bytes, at: int, count: int) -> tuple[list[str], int] | None:
+        raws = []
+        end, size, unpack = at, len(source), self._count.unpack_from
+        try:
+            for _ in range(count):
+                at = (end + 7) & -4
+                end = at + unpack(source, at - 4)[0]
+                if end > size or source[end - 1]:
+                    return None
+                raws.append(source[at:end])
+            texts = b"".join(raws).decode().split("\0")
+        except (struct.error, UnicodeDecodeError):
+            return None
+        # Behind the last NUL there is nothing; any other number of parts means a NUL inside, or none at all.
+        return (texts[:-1], end) if len(texts) == count + 1 else None
+
+
+class Structs(Counted):
+    """A sequence or array of messages."""
+
+    def __init__(self, path: str, order: str, extent: Extent, element: Element) -> None:
+        super().__init__(path, order, extent)
+        self._plan, self._build, self._least_size = element
+
+    def write(self, out: bytearray, message: Any) -> None:
+        """Appends the messages."""
+        elements = self._get(message)
+        self._write_count(out, len(elements))
+        for i, element in enumerate(elements):
+            try:
+                for operation in self._plan:
+                    operation.write(out, element)
+            except Fault as fault:
+                raise fault.within(f"{self._path}[{i}]") from None
+
+    def read(self, source: bytes, at: int, values: list[Any]) -> int:
+        """Reads the messages."""
+        count, at = self._read_count(source, at)
+        if count * self._least_size > len(source) - at:
+            raise shortage(self._path, at, f"{count} elements", count * self._least_size, source)
+        parts: list[Any] = []
+        for i in range(count):
+            try:
+                for operation in self._plan:
+                    at = operation.read(source, at, parts)
+            except Fault as fault:
+                raise fault.within(f"{self._path}[{i}]") from None
+        queue = iter(parts)
+        values.append(tuple([self._build(queue) for _ in range(count)]))
+        return at

@@ -1,0 +1,132 @@
+"""The ROS package mujoco_ros2_control_msgs: wrenches, free bodies and control of a MuJoCo simulation."""
+
+from pydantic import Field
+
+from mjplug_schemas.builtin_interfaces import Duration
+from mjplug_schemas.geometry_msgs import Point, PoseStamped, TwistStamped, WrenchStamped
+from mjplug_schemas.idl import boolean, sequence, string, uint32
+from mjplug_schemas.message import Message, Service
+from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.std_msgs import Header
+
+
+class ExternalWrench(Message):
+    """A force and a torque on one body, for some time."""
+
+    header: Header = Field(Header(), description="Not used.")
+    wrench: WrenchStamped = Field(
+        WrenchStamped(), description="The wrench in the body's frame [N, N·m]; `header.frame_id` names the body."
+    )
+    application_point: Point = Field(Point(), description="Where the force acts, in the body's frame [m].")
+    duration: Duration = Field(Duration(), description="How long it acts, in simulated time [s, ns].")
+    ramp_down_duration: Duration = Field(
+        Duration(), description="Over how much of the end of `duration` it fades to zero [s, ns]."
+    )
+
+
+class ExternalWrenchArray(Message):
+    """Several wrenches at once."""
+
+    external_wrenches: sequence[ExternalWrench] = Field((), description="The wrenches, each independent.")
+
+
+class FreeJointState(Message):
+    """Pose and velocity of one body that has a free joint."""
+
+    name: string = Field("", description="The body.")
+    pose: PoseStamped = Field(
+        PoseStamped(), description="Its pose in the header's frame; an empty frame is the world [m]."
+    )
+    twist: TwistStamped = Field(
+        TwistStamped(), description="Its velocity in the header's frame; an empty frame is the world [m/s, rad/s]."
+    )
+
+
+class FreeJointStateArray(Message):
+    """Poses and velocities of several bodies at one time."""
+
+    header: Header = Field(Header(), description="The time of the states.")
+    free_joints: sequence[FreeJointState] = Field((), description="The states, one for each body.")
+
+
+class SimulationState(Message):
+    """Parts of the state of a simulation; what is left out keeps its value."""
+
+    joint_states: JointState = Field(JointState(), description="States of joints with one degree of freedom.")
+    free_joints: sequence[FreeJointState] = Field((), description="States of bodies with a free joint.")
+
+
+class ApplyExternalWrench(Service):
+    """Applies forces and torques to bodies."""
+
+    class Request(Message):
+        """The wrenches to apply."""
+
+        wrenches: ExternalWrenchArray = Field(ExternalWrenchArray(), description="The wrenches; all of them or none.")
+
+    class Response(Message):
+        """Whether they were applied, once the longest of them has ended."""
+
+        success: boolean = Field(False, description="Whether all wrenches were applied.")
+        message: string = Field("", description="What happened, for people to read.")
+
+
+class ResetWorld(Service):
+    """Takes the simulation back to its start or to a keyframe."""
+
+    class Request(Message):
+        """The state to reset to."""
+
+        keyframe: string = Field("", description="The keyframe; empty for the initial state.")
+        state_overrides: SimulationState = Field(SimulationState(), description="What differs from that state.")
+
+    class Response(Message):
+        """Whether it was reset."""
+
+        success: boolean = Field(False, description="Whether the simulation was reset.")
+        message: string = Field("", description="What happened, for people to read.")
+
+
+class SetFreeJointState(Service):
+    """Puts bodies with a free joint somewhere, at a velocity."""
+
+    class Request(Message):
+        """The states to set."""
+
+        free_joints: sequence[FreeJointState] = Field((), description="The states, one for each body.")
+
+    class Response(Message):
+        """Whether they were set."""
+
+        success: boolean = Field(False, description="Whether all states were set; otherwise none was.")
+        message: string = Field("", description="What happened, for people to read.")
+
+
+class SetPause(Service):
+    """Pauses the simulation or lets it run."""
+
+    class Request(Message):
+        """The state to set."""
+
+        paused: boolean = Field(False, description="True pauses, false lets it run.")
+
+    class Response(Message):
+        """Whether it was set."""
+
+        success: boolean = Field(False, description="Whether the simulation is now as requested.")
+        message: string = Field("", description="What happened, for people to read.")
+
+
+class StepSimulation(Service):
+    """Runs a paused simulation for a number of steps."""
+
+    class Request(Message):
+        """How far to go."""
+
+        steps: uint32 = Field(0, description="How many physics steps to run.")
+
+    class Response(Message):
+        """Whether they were run."""
+
+        success: boolean = Field(False, description="Whether all steps were run.")
+        message: string = Field("", description="What happened, for people to read.")

@@ -1,0 +1,120 @@
+"""ROS 2 names: which are valid, what a relative one means, and how they become Zenoh keys."""
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from mjplug_schemas.errors import NameRuleError
+
+MOST_CHARACTERS = 247
+"""How long a full name may be; rmw's limit, which leaves room for the prefixes that DDS needs."""
+
+_NO_REMAP: Mapping[str, str] = MappingProxyType({})
+
+
+def validate_name(name: str) -> None:
+    """Checks a full topic or service name, such as `/robot1/cmd_vel`.
+
+    Raises:
+        NameRuleError: If it breaks one of ROS's rules; the sentence names the rule.
+    """
+    if not name.startswith("/"):
+        raise _broken("name", name, "a full name starts with '/'")
+    if name == "/" or name.endswith("/"):
+        raise _broken("name", name, "a name does not end with '/'")
+    _check_tokens("name", name, name[1:])
+    if len(name) > MOST_CHARACTERS:
+        raise _broken("name", name, f"a name has at most {MOST_CHARACTERS} characters, this one has {len(name)}")
+
+
+def validate_node_name(name: str) -> None:
+    """Checks the name of a node or of a plugin instance, such as `mjplug`.
+
+    Raises:
+        NameRuleError: If it breaks one of ROS's rules.
+    """
+    if not name:
+        raise _broken("node name", name, "it must not be empty")
+    if "/" in name:
+        raise _broken("node name", name, "it has no '/'; a namespace is given separately")
+    _check_tokens("node name", name, name)
+    if len(name) > MOST_CHARACTERS:
+        raise _broken("node name", name, f"it has at most {MOST_CHARACTERS} characters, this one has {len(name)}")
+
+
+def normalize_namespace(namespace: str) -> str:
+    """Returns a namespace with its leading `/`: `robot1` is `/robot1`; the root (`""` or `/`) is the empty string.
+
+    Raises:
+        NameRuleError: If it breaks one of ROS's rules.
+    """
+    if namespace in ("", "/"):
+        return ""
+    full = namespace if namespace.startswith("/") else f"/{namespace}"
+    if full.endswith("/"):
+        raise _broken("namespace", namespace, "it does not end with '/'")
+    _check_tokens("namespace", namespace, full[1:])
+    if len(full) > MOST_CHARACTERS - 2:
+        raise _broken("namespace", namespace, f"it has at most {MOST_CHARACTERS - 2} characters")
+    return full
+
+
+def resolve(name: str, *, namespace: str = "", node: str, remap: Mapping[str, str] = _NO_REMAP) -> str:
+    """Returns the full name that a name means to a node or a plugin instance.
+
+    Args:
+        name: `/absolute`, or `relative` or `~/relative`, both of which mean `/<namespace>/<node>/relative`.
+        namespace: The namespace of the server.
+        node: The name of the node, or of the plugin instance.
+        remap: What to call it instead, by full names.
+
+    Raises:
+        NameRuleError: If the name, what it resolves to or what it is remapped to breaks one of ROS's rules.
+    """
+    if not name:
+        raise _broken("name", name, "it must not be empty")
+    if name.startswith("/"):
+        full = name
+    else:
+        if name == "~" or (name.startswith("~") and name[1] != "/"):
+            raise _broken("name", name, "'~' stands at the start, with '/' and a name behind it")
+        relative = name.removeprefix("~/")
+        if relative.startswith("/"):
+            raise _broken("name", name, "there is no '//' in a name")
+        if not relative:
+            raise _broken("name", name, "a name does not end with '/'")
+        validate_node_name(node)
+        full = f"{normalize_namespace(namespace)}/{node}/{relative}"
+    validate_name(full)
+    if full in remap:
+        full = remap[full]
+        validate_name(full)
+    return full
+
+
+def key(name: str) -> str:
+    """Returns the Zenoh key of a full name: the name without its leading `/`."""
+    return name.removeprefix("/")
+
+
+def dds_type(type_name: str) -> str:
+    """Returns a ROS type name in the form of DDS: `std_msgs/msg/String` is `std_msgs::msg::dds_::String_`."""
+    package, kind, name = type_name.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def _check_tokens(kind: str, name: str, tokens: str) -> None:
+    if bad := re.search(r"[^A-Za-z0-9_/]", tokens):
+        raise _broken(
+            kind, name, f"{bad[0]!r} is not allowed, only letters of the English alphabet, digits, '_' and '/'"
+        )
+    for token in tokens.split("/"):
+        if not token:
+            raise _broken(kind, name, "there is no '//' in a name")
+        if token[0].isdigit():
+            raise _broken(kind, name, f"{token!r} starts with a digit")
+
+
+def _broken(kind: str, name: str, rule: str) -> NameRuleError:
+    shown = name if len(name) <= 80 else f"{name[:77]}…"
+    return NameRuleError(f"{shown!r} is not a valid ROS {kind}: {rule}")

@@ -1,0 +1,75 @@
+"""Finds messages and services by their ROS type names."""
+
+import inspect
+from functools import cache
+from types import MappingProxyType
+
+from mjplug_schemas import (
+    builtin_interfaces,
+    geometry_msgs,
+    mujoco_ros2_control_msgs,
+    rosgraph_msgs,
+    sensor_msgs,
+    service_msgs,
+    std_msgs,
+    std_srvs,
+    visualization_msgs,
+)
+from mjplug_schemas.errors import DefinitionError, UnknownType
+from mjplug_schemas.message import Message, Service
+
+_PACKAGES = (
+    builtin_interfaces,
+    geometry_msgs,
+    mujoco_ros2_control_msgs,
+    rosgraph_msgs,
+    sensor_msgs,
+    service_msgs,
+    std_msgs,
+    std_srvs,
+    visualization_msgs,
+)
+
+_added: dict[str, type[Message] | type[Service]] = {}
+
+
+def find(name: str) -> type[Message] | type[Service]:
+    """Returns the class of a ROS type, such as `std_msgs/msg/String`, `std_srvs/srv/Trigger` or `…/Trigger_Request`.
+
+    Raises:
+        UnknownType: If there is none; the sentence says what may have been meant.
+    """
+    types = all_types()
+    if name in types:
+        return types[name]
+    service_name, _, part = name.rpartition("_")
+    service = types.get(service_name)
+    if part in ("Request", "Response") and isinstance(service, type) and issubclass(service, Service):
+        return service.Request if part == "Request" else service.Response
+    raise UnknownType(name, types)
+
+
+def all_types() -> MappingProxyType[str, type[Message] | type[Service]]:
+    """Returns all messages and services by their ROS type names, in alphabetical order."""
+    return MappingProxyType(dict(sorted((_bundled() | _added).items())))
+
+
+def add(interface: type[Message] | type[Service]) -> None:
+    """Makes a type from outside this package findable.
+
+    Raises:
+        DefinitionError: If another class already has its name.
+    """
+    if all_types().get(interface.TYPE, interface) is not interface:
+        raise DefinitionError(f"{interface.TYPE} is already defined by {find(interface.TYPE).__module__}")
+    _added[interface.TYPE] = interface
+
+
+@cache
+def _bundled() -> dict[str, type[Message] | type[Service]]:
+    found: dict[str, type[Message] | type[Service]] = {}
+    for package in _PACKAGES:
+        for _, interface in inspect.getmembers(package, inspect.isclass):
+            if issubclass(interface, Message | Service) and interface.__module__ == package.__name__:
+                found[interface.TYPE] = interface
+    return found

@@ -1,0 +1,103 @@
+"""Type hashes (RIHS01, of REP-2016): what tells ROS nodes that both ends mean the same type."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel
+
+from mjplug_schemas.idl import Primitive
+from mjplug_schemas.message import Message, Service
+from mjplug_schemas.service_msgs import ServiceEventInfo
+from mjplug_schemas.shape import Field, fields, nested
+
+_NESTED = 1
+# What is added to a type id for its bounded, array and sequence forms.
+_BOUNDED_TEXT = 4
+_ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
+
+
+@cache
+def type_hash(interface: type[Message] | type[Service]) -> str:
+    """Returns the type hash of a message or service, `RIHS01_` and 64 hexadecimal digits."""
+    text = json.dumps(type_description(interface))
+    return f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def type_description(interface: type[Message] | type[Service]) -> dict[str, Any]:
+    """Returns the description that is hashed: the type itself and every type it refers to.
+
+    Default values and constants are no part of it.
+    """
+    if issubclass(interface, Service):
+        own, parts = _service(interface)
+    else:
+        own, parts = _message(interface), {}
+    for used in _closure([interface] if issubclass(interface, Message) else _service_messages(interface)):
+        parts[_name(used)] = _message(used)
+    parts.pop(own["type_name"], None)
+    return {"type_description": own, "referenced_type_descriptions": [parts[name] for name in sorted(parts)]}
+
+
+def _closure(messages: Iterable[type[BaseModel]]) -> Iterator[type[BaseModel]]:
+    for message in messages:
+        yield message
+        yield from _closure(nested(message))
+
+
+def _service_messages(service: type[Service]) -> list[type[BaseModel]]:
+    return [service.Request, service.Response, ServiceEventInfo]
+
+
+def _service(service: type[Service]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    request, response, event = (f"{service.TYPE}_{part}" for part in ("Request", "Response", "Event"))
+    own = _type(
+        service.TYPE,
+        [
+            _field("request_message", _NESTED, nested=request),
+            _field("response_message", _NESTED, nested=response),
+            _field("event_message", _NESTED, nested=event),
+        ],
+    )
+    of_event = _type(
+        event,
+        [
+            _field("info", _NESTED, nested=ServiceEventInfo.TYPE),
+            _field("request", _BOUNDED_SEQUENCE + _NESTED, capacity=1, nested=request),
+            _field("response", _BOUNDED_SEQUENCE + _NESTED, capacity=1, nested=response),
+        ],
+    )
+    return own, {event: of_event}
+
+
+def _message(message: type[BaseModel]) -> dict[str, Any]:
+    described = [_described(field) for field in fields(message)]
+    # ROS gives a message without fields this one, for languages that have no empty records.
+    return _type(_name(message), described or [_field("structure_needs_at_least_one_member", 3)])
+
+
+def _described(field: Field) -> dict[str, Any]:
+    if isinstance(field.element, Primitive):
+        number, nested = field.element.hash_id + (_BOUNDED_TEXT if field.text_bound else 0), ""
+    else:
+        number, nested = _NESTED, _name(field.element)
+    if field.kind == "array":
+        number += _ARRAY
+    elif field.kind == "sequence":
+        number += _BOUNDED_SEQUENCE if field.count else _SEQUENCE
+    return _field(field.name, number, field.count, field.text_bound, nested)
+
+
+def _type(name: str, described: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"type_name": name, "fields": described}
+
+
+def _field(name: str, number: int, capacity: int = 0, text_bound: int = 0, nested: str = "") -> dict[str, Any]:
+    type_ = {"type_id": number, "capacity": capacity, "string_capacity": text_bound, "nested_type_name": nested}
+    return {"name": name, "type": type_}
+
+
+def _name(message: type[BaseModel]) -> str:
+    return str(getattr(message, "TYPE", message.__name__))

@@ -1,0 +1,152 @@
+"""Validation of ROS values: the pydantic-core schemas behind the annotations in `mjplug_schemas.idl`.
+
+Whatever is wrong with a value, its schema reports one error, whose message says what would have been right. Errors of
+type `ros` are about the value, which a sentence should show; those of type `ros_part` name the bad part themselves.
+"""
+
+import base64
+import binascii
+import reprlib
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+_SINGLE = struct.Struct("<f")
+
+
+def _must(rule: str, of_part: bool = False) -> PydanticCustomError:
+    return PydanticCustomError("ros_part" if of_part else "ros", "must {rule}", {"rule": rule})
+
+
+def _or_say(schema: CoreSchema, expected: str) -> CoreSchema:
+    """Replaces whatever errors a schema has by the one sentence."""
+    context = {"rule": f"be {expected}"}
+    return core_schema.custom_error_schema(
+        schema, custom_error_type="ros", custom_error_message="must {rule}", custom_error_context=context
+    )
+
+
+def _article(name: str) -> str:
+    return f"{'an' if name.startswith('int') else 'a'} {name}"
+
+
+def scalar(name: str, meaning: str, schema: CoreSchema) -> CoreSchema:
+    """Returns the schema of a number: JSON by `schema`; in Python, numpy's scalars besides."""
+    unwrapped = core_schema.no_info_before_validator_function(_item, schema)
+    python = core_schema.union_schema([schema, unwrapped], mode="left_to_right")
+    return _or_say(core_schema.json_or_python_schema(schema, python), f"{_article(name)} ({meaning})")
+
+
+def _item(value: Any) -> Any:
+    return value.item() if getattr(value, "shape", None) == () else value
+
+
+def float32() -> CoreSchema:
+    """Returns the schema of a float32: rounded to single precision, so a message equals itself after the wire."""
+    schema = core_schema.no_info_after_validator_function(_round, core_schema.float_schema(strict=True))
+    return scalar("float32", "a number no larger than 3.4028235e38", schema)
+
+
+def _round(value: float) -> float:
+    try:
+        return float(_SINGLE.unpack(_SINGLE.pack(value))[0])
+    except OverflowError:
+        raise ValueError(value) from None
+
+
+def float32_sequence() -> CoreSchema:
+    """Returns the schema of a sequence of float32, rounded in one go."""
+    numbers = scalar("float32", "a number no larger than 3.4028235e38", core_schema.float_schema(strict=True))
+    return core_schema.no_info_after_validator_function(_round_all, sequence(numbers))
+
+
+def _round_all(values: tuple[float, ...]) -> tuple[float, ...]:
+    singles = struct.Struct(f"<{len(values)}f")
+    try:
+        return singles.unpack(singles.pack(*values))
+    except OverflowError:
+        index = next(i for i, value in enumerate(values) if value - value == 0 and abs(value) >= 3.4028235677973366e38)
+        raise _must(
+            f"hold numbers no larger than 3.4028235e38, but element {index} is {values[index]!r}", True
+        ) from None
+
+
+def sequence(item: CoreSchema) -> CoreSchema:
+    """Returns the schema of a tuple of `item`; numpy arrays (and whatever else has `tolist`) are taken apart."""
+    # One error per sequence is enough: a million of them would take longer to collect than to send.
+    items = core_schema.tuple_schema([item], variadic_item_index=0, fail_fast=True)
+    python = core_schema.no_info_before_validator_function(_list, items)
+    return core_schema.json_or_python_schema(items, python)
+
+
+def _list(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def text(name: str) -> CoreSchema:
+    """Returns the schema of a string: no NUL, which ends a string on the wire, and nothing that UTF-8 cannot say."""
+    schema = core_schema.str_schema(strict=True, pattern=r"^[^\x00]*\z")
+    # The pattern is how it is checked, not something a form or a client should be shown.
+    schema["metadata"] = {"pydantic_js_functions": [lambda _schema, _handler: {"type": "string"}]}
+    return _or_say(schema, f"{_article(name)} (text without NUL or lone surrogates)")
+
+
+def octets(name: str) -> CoreSchema:
+    """Returns the schema of `bytes`, which JSON writes as base64 (as in data URLs) or as a list of numbers."""
+    integer = {"type": "integer", "minimum": 0, "maximum": 255}
+    shown = {"anyOf": [{"type": "string", "contentEncoding": "base64"}, {"type": "array", "items": integer}]}
+
+    def read(value: Any, info: core_schema.ValidationInfo) -> bytes:
+        return value if isinstance(value, bytes) else _octets(value, name, info.mode == "json")
+
+    return core_schema.with_info_plain_validator_function(
+        read,
+        serialization=core_schema.plain_serializer_function_ser_schema(_base64, when_used="json"),
+        metadata={"pydantic_js_functions": [lambda _schema, _handler: shown]},
+    )
+
+
+def _octets(value: Any, name: str, from_json: bool) -> bytes:
+    if isinstance(value, bytearray | memoryview):
+        return bytes(value)
+    if isinstance(value, str) and from_json:
+        standard = value.replace("-", "+").replace("_", "/")
+        with suppress(ValueError):
+            return base64.b64decode(standard + "=" * (-len(standard) % 4), validate=True)
+    values = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(values, list | tuple):
+        form = "base64 text" if from_json else "bytes"
+        raise _must(f"be {form} or a list of {name} values (integers from 0 to 255)")
+    for index, octet in enumerate(values):
+        if type(octet) is not int or not 0 <= octet <= 255:
+            raise _must(f"hold integers from 0 to 255, but element {index} is {reprlib.repr(octet)}", True)
+    return bytes(values)
+
+
+def _base64(value: bytes) -> str:
+    return binascii.b2a_base64(value, newline=False).decode()
+
+
+def bounded(schema: CoreSchema, low: int, high: int) -> CoreSchema:
+    """Returns the schema with a number of elements (for strings: bytes of UTF-8) from `low` to `high`."""
+    count = f"exactly {high}" if low == high else f"at most {high}"
+
+    def check(value: Any) -> Any:
+        size = len(value.encode()) if isinstance(value, str) else len(value)
+        if not low <= size <= high:
+            unit = "bytes of UTF-8" if isinstance(value, str) else "elements"
+            raise _must(f"have {count} {unit}, not {size}", True)
+        return value
+
+    def show(inner: CoreSchema, handler: Callable[[CoreSchema], dict[str, Any]]) -> dict[str, Any]:
+        shown = handler(inner)
+        if shown.get("type") == "array":
+            shown |= {"maxItems": high} | ({"minItems": low} if low else {})
+        elif shown.get("type") == "string":
+            shown |= {"maxLength": high}
+        return shown
+
+    return core_schema.no_info_after_validator_function(check, schema, metadata={"pydantic_js_functions": [show]})

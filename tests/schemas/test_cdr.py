@@ -1,0 +1,423 @@
+"""CDR against Fast-CDR's own bytes and against rosbags, and every kind of bad input."""
+
+import json
+import struct
+from itertools import count
+from pathlib import Path
+from typing import Annotated, get_args
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import Field, create_model
+
+from mjplug_schemas.builtin_interfaces import Time
+from mjplug_schemas.cdr import encode_with_layout
+from mjplug_schemas.errors import CodecError
+from mjplug_schemas.geometry_msgs import Point, PoseWithCovariance
+from mjplug_schemas.idl import (
+    AtMost,
+    Exactly,
+    Primitive,
+    boolean,
+    byte,
+    byte_sequence,
+    char,
+    char_sequence,
+    float32,
+    float64,
+    int8,
+    int16,
+    int32,
+    int64,
+    sequence,
+    string,
+    uint8,
+    uint8_sequence,
+    uint16,
+    uint32,
+    uint64,
+    wstring,
+)
+from mjplug_schemas.message import Message
+from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray
+from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.shape import fields
+from mjplug_schemas.std_msgs import Bool, ColorRGBA, Empty, Float32, Header, Int32, MultiArrayLayout, String
+from mjplug_schemas.std_srvs import Trigger
+from mjplug_schemas.visualization_msgs import MarkerArray
+
+VECTORS = json.loads((Path(__file__).parent / "vectors" / "cdr_fastcdr.json").read_text())
+
+
+class DoublesByte(Message):
+    a: sequence[float64] = Field(())
+    b: uint8 = Field(0)
+
+
+class DoublesDouble(Message):
+    a: sequence[float64] = Field(())
+    b: float64 = Field(0.0)
+
+
+class Flags(Message):
+    a: sequence[boolean] = Field(())
+    b: float64 = Field(0.0)
+    c: Annotated[sequence[boolean], Exactly(3)] = Field((False,) * 3)
+
+
+class BytesFlag(Message):
+    a: uint8_sequence = Field(b"")
+    b: boolean = Field(False)
+
+
+class ByteBytesDouble(Message):
+    a: uint8 = Field(0)
+    b: uint8_sequence = Field(b"")
+    c: float64 = Field(0.0)
+
+
+class PointField(Message, package="sensor_msgs"):
+    name: string = Field("")
+    offset: uint32 = Field(0)
+    datatype: uint8 = Field(0)
+    count: uint32 = Field(0)
+
+
+class PointFields(Message):
+    p: sequence[PointField] = Field(())
+    b: boolean = Field(False)
+
+
+class Bounded(Message, package="probe"):
+    name: Annotated[string, AtMost(5)] = Field("")
+    few: Annotated[sequence[int16], AtMost(3)] = Field(())
+    names: Annotated[sequence[Annotated[string, AtMost(5)]], AtMost(2)] = Field(())
+    points: Annotated[sequence[Point], AtMost(2)] = Field(())
+    data: Annotated[uint8_sequence, AtMost(4)] = Field(b"")
+    times: Annotated[sequence[Time], Exactly(2)] = Field((Time(), Time()))
+
+
+class Wide(Message):
+    flag: boolean = Field(False)
+    text: wstring = Field("")
+    texts: sequence[wstring] = Field(())
+
+
+class Blanks(Message):
+    first: Empty = Field(Empty())
+    many: sequence[Empty] = Field(())
+    number: float64 = Field(0.0)
+
+
+SAMPLES = {
+    "std_msgs/msg/Empty {}": Empty(),
+    "std_msgs/msg/String {data: 'é'}": String(data="é"),
+    "std_srvs/srv/Trigger_Response {success: true, message: 'hi'}": Trigger.Response(success=True, message="hi"),
+    "{float64[] a = [], uint8 b = 7}": DoublesByte(b=7),
+    "{float64[] a = [], float64 b = 7.0}": DoublesDouble(b=7),
+    "{bool[] a = [true], float64 b = 1.0, bool[3] c = [true,false,true]}": Flags(a=[True], b=1, c=[True, False, True]),
+    "sensor_msgs/msg/JointState {stamp: 1 s 2 ns, frame_id: 'a', name: ['a'], position: [1.0], velocity: [], "
+    "effort: []}": JointState(header=Header(stamp=Time(sec=1, nanosec=2), frame_id="a"), name=["a"], position=[1.0]),
+    "sensor_msgs/msg/JointState {stamp: 1 s 2 ns, frame_id: 'a', name: ['a'], position: [], velocity: [2.0], "
+    "effort: []}": JointState(header=Header(stamp=Time(sec=1, nanosec=2), frame_id="a"), name=["a"], velocity=[2.0]),
+    "{uint8[] a = [5], bool b = true}": BytesFlag(a=[5], b=True),
+    "{uint8 a = 1, uint8[] b = [5], float64 c = 2.5}": ByteBytesDouble(a=1, b=b"\5", c=2.5),
+    "sensor_msgs/msg/PointField[] p = [{'x',1,7,1},{'yy',4,7,1}], bool b = false": PointFields(
+        p=[
+            PointField(name="x", offset=1, datatype=7, count=1),
+            PointField(name="yy", offset=4, datatype=7, count=1),
+        ]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in VECTORS if not name.startswith("_")])
+def test_bytes_are_those_of_fast_cdr(name):
+    message = SAMPLES[name]
+    assert message.to_cdr().hex() == VECTORS[name]
+    assert type(message).from_cdr(bytes.fromhex(VECTORS[name])) == message
+
+
+@given(data=st.data())
+@settings(max_examples=15)
+def test_every_message_agrees_with_rosbags_byte_for_byte_both_ways(message, data, messages, rosbags, same):
+    original = data.draw(messages(message))
+    encoded = original.to_cdr()
+    assert encoded == rosbags.encode(original)
+    assert same(message.from_cdr(encoded), original)
+    assert same(rosbags.decode(message, encoded), original)
+
+
+@given(data=st.data())
+@settings(max_examples=5)
+def test_big_endian_input_is_read(message, data, messages, rosbags, same):
+    original = data.draw(messages(message))
+    encoded = rosbags.encode(original, little_endian=False)
+    assert encoded[:2] == b"\0\0"
+    assert same(message.from_cdr(encoded), original)
+
+
+@given(data=st.data())
+@settings(max_examples=4)
+def test_a_message_cut_anywhere_is_refused(message, data, messages):
+    encoded = data.draw(messages(message)).to_cdr()
+    for end in range(len(encoded)):
+        with pytest.raises(CodecError):
+            message.from_cdr(encoded[:end])
+
+
+@given(header=st.sampled_from([b"\0\1\0\0", b"\0\0\0\0"]), body=st.binary(max_size=120))
+@settings(max_examples=8)
+def test_garbage_is_refused_or_is_a_valid_message(message, header, body, same):
+    check_refused_or_valid(message, header + body, same)
+
+
+@given(data=st.data())
+@settings(max_examples=8)
+def test_a_message_with_changed_bytes_is_refused_or_valid(message, data, messages, same):
+    damaged = bytearray(data.draw(messages(message)).to_cdr())
+    for _ in range(data.draw(st.integers(1, 3))):
+        damaged[data.draw(st.integers(4, len(damaged) - 1))] = data.draw(st.integers(0, 255))
+    check_refused_or_valid(message, bytes(damaged), same)
+
+
+def check_refused_or_valid(message, buffer, same):
+    """What decoding lets through must be what constructing lets through."""
+    try:
+        decoded = message.from_cdr(buffer)
+    except CodecError:
+        return
+    assert same(message.model_validate(decoded.model_dump()), decoded)
+    assert same(message.from_cdr(decoded.to_cdr()), decoded)
+
+
+ELEMENTS = [boolean, byte, char, int8, uint8, int16, uint16, int32, uint32, int64, uint64, float32, float64, string]
+ELEMENTS += [Time, Point, ColorRGBA, Header, Empty, MultiArrayLayout, PoseWithCovariance]
+OCTETS = {byte: byte_sequence, char: char_sequence, uint8: uint8_sequence}
+
+
+NUMBERS = count()
+
+
+@st.composite
+def types(draw):
+    """Random message types: any fields in any order, so that every alignment comes up."""
+    members = {}
+    for i, element in enumerate(draw(st.lists(st.sampled_from(ELEMENTS), min_size=1, max_size=7))):
+        zero = element() if isinstance(element, type) else get_args(element)[0]()
+        many, none = (OCTETS[element], b"") if element in OCTETS else (sequence[element], ())
+        three = bytes(3) if element in OCTETS else (zero,) * 3
+        members[f"f{i}"] = draw(
+            st.sampled_from(
+                [
+                    (element, zero),
+                    (element, zero),
+                    (many, none),
+                    (Annotated[many, AtMost(2)], none),
+                    (Annotated[many, Exactly(3)], three),
+                ]
+            )
+        )
+    return create_model(f"Random{next(NUMBERS)}", __base__=Message, __cls_kwargs__={"package": "probe"}, **members)
+
+
+@given(data=st.data())
+@settings(max_examples=100)
+def test_random_types_agree_with_rosbags(data, messages, rosbags, same):
+    message = data.draw(types())
+    rosbags.add(message)
+    for _ in range(3):
+        original = data.draw(messages(message))
+        encoded = original.to_cdr()
+        assert encoded == rosbags.encode(original)
+        assert same(message.from_cdr(encoded), original)
+        assert same(message.from_cdr(rosbags.encode(original, little_endian=False)), original)
+
+
+@given(data=st.data())
+def test_bounded_messages_agree_with_rosbags(data, messages, rosbags, same):
+    rosbags.add(Bounded)
+    original = data.draw(messages(Bounded))
+    assert original.to_cdr() == rosbags.encode(original)
+    assert same(Bounded.from_cdr(original.to_cdr()), original)
+
+
+@given(data=st.data())
+def test_messages_without_fields_agree_with_rosbags_inside_others(data, messages, rosbags, same):
+    rosbags.add(Blanks)
+    original = data.draw(messages(Blanks))
+    assert original.to_cdr() == rosbags.encode(original)
+    assert same(Blanks.from_cdr(original.to_cdr()), original)
+
+
+def test_a_wide_string_is_a_count_of_utf16_units_without_nul():
+    message = Wide(flag=True, text="a€😀", texts=["", "b"])
+    units = "a€😀".encode("utf-16-le")
+    assert len(units) == 8
+    body = struct.pack("<B3xI8sIII2s", 1, 4, units, 2, 0, 1, b"b\0")
+    assert message.to_cdr() == b"\0\1\0\0" + body
+    assert Wide.from_cdr(message.to_cdr()) == message
+    assert Wide.from_cdr(b"\0\0\0\0" + struct.pack(">B3xI2sxxI", 1, 1, b"\0a", 0)) == Wide(flag=True, text="a")
+
+
+@given(data=st.data())
+@settings(max_examples=8)
+def test_the_layout_leads_to_every_value(message, data, messages):
+    original = data.draw(messages(message))
+    buffer, layout = encode_with_layout(original)
+    assert bytes(buffer) == original.to_cdr()
+    for path, span in layout.items():
+        check_span(buffer, span, eval(f"it.{path}", {"it": original}))
+    assert leaves(original) == len(layout)
+
+
+def check_span(buffer, span, value):
+    if span.primitive == "string":
+        assert bytes(buffer[span.offset : span.offset + span.count]).decode() == value
+        return
+    code = {"bool": "?", "byte": "B", "char": "B", "float32": "f", "float64": "d"}.get(span.primitive)
+    code = code or {8: "b", 16: "h", 32: "i", 64: "q"}[int(span.primitive.lstrip("uint"))]
+    code = code.upper() if span.primitive.startswith("u") else code
+    found = struct.unpack_from(f"<{span.count}{code}", buffer, span.offset)
+    expected = tuple(value) if isinstance(value, tuple | bytes) else (value,)
+    assert struct.pack(f"<{span.count}{code}", *expected) == struct.pack(f"<{span.count}{code}", *found)
+
+
+def leaves(message):
+    """How many values a message has, a sequence or array of numbers being one."""
+    total = 0
+    for field in fields(type(message)):
+        value = getattr(message, field.name)
+        for element in [value] if field.kind == "one" else value:
+            if isinstance(element, Message):
+                total += leaves(element)
+            elif isinstance(element, str) or field.kind == "one":
+                total += 1
+        if field.kind != "one" and isinstance(field.element, Primitive) and field.element.size:
+            total += 1
+    return total
+
+
+def test_layout_of_a_message_is_as_documented():
+    buffer, layout = encode_with_layout(FreeJointStateArray(free_joints=[{"name": "ab"}, {"name": "c"}]))
+    assert layout["header.stamp.sec"].offset == 4
+    assert layout["header.stamp.sec"].primitive == "int32"
+    assert (layout["free_joints[1].name"].count, layout["free_joints[1].name"].primitive) == (1, "string")
+    x = layout["free_joints[1].pose.pose.position.x"]
+    struct.pack_into("<d", buffer, x.offset, 2.5)
+    assert FreeJointStateArray.from_cdr(buffer).free_joints[1].pose.pose.position.x == 2.5
+
+
+@pytest.mark.parametrize(
+    ("message_type", "hexadecimal", "sentence"),
+    [
+        (String, "", "std_msgs/msg/String: expected a 4-byte CDR header that starts with 00 00 or 00 01, "
+                     "got no bytes at all"),
+        (String, "0001", "std_msgs/msg/String: expected a 4-byte CDR header that starts with 00 00 or 00 01, "
+                         "got 00 01"),
+        (String, "7b7d0000", "std_msgs/msg/String: expected a 4-byte CDR header that starts with 00 00 or 00 01, "
+                             "got 7b 7d 00 00"),
+        (Empty, "00010000", "std_msgs/msg/Empty: at byte 4: expected the zero byte of an empty message, "
+                            "1 byte or more, but 0 bytes remain"),
+        (Int32, "00010000 0102", "std_msgs/msg/Int32: data at byte 4: expected int32, 4 bytes or more, "
+                                 "but 2 bytes remain"),
+        (Bool, "00010000 02", "std_msgs/msg/Bool: data at byte 4: expected a bool (0 or 1), got 2"),
+        (Bool, "00010000 01 00000000", "std_msgs/msg/Bool: the message ends at byte 5, but 4 more bytes follow"),
+        (String, "00010000 0300", "std_msgs/msg/String: data at byte 4: expected the length of a string, "
+                                  "4 bytes or more, but 2 bytes remain"),
+        (String, "00010000 ffffffff 6100", "std_msgs/msg/String: data at byte 8: expected a string of length "
+                                           "4294967295, 4294967295 bytes or more, but 2 bytes remain"),
+        (String, "00010000 02000000 6161", "std_msgs/msg/String: data at byte 9: expected a string that ends with NUL"),
+        (String, "00010000 03000000 61ff00", "std_msgs/msg/String: data at byte 9: expected UTF-8, got ff"),
+        (String, "00010000 04000000 61006200", "std_msgs/msg/String: data at byte 8: "
+                                               "expected a string without NUL inside"),
+        (JointState, "00010000 0000000000000000 01000000 00000000 ffffff7f",
+         "sensor_msgs/msg/JointState: name at byte 24: expected 2147483647 strings, 8589934588 bytes or more, "
+         "but 0 bytes remain"),
+        (JointState, "00010000 0000000000000000 01000000 00000000 02000000 020000006100 0000 020000006161",
+         "sensor_msgs/msg/JointState: name[1] at byte 37: expected a string that ends with NUL"),
+        (JointState, "00010000 0000000000000000 01000000 00000000 00000000 ffffffff",
+         "sensor_msgs/msg/JointState: position at byte 28: expected 4294967295 float64 values, "
+         "34359738360 bytes or more, but 0 bytes remain"),
+        (MarkerArray, "00010000 ffffffff", "visualization_msgs/msg/MarkerArray: markers at byte 8: "
+                                           "expected 4294967295 elements, 798863916870 bytes or more, "
+                                           "but 0 bytes remain"),
+        (FreeJointStateArray, "00010000 0000000000000000 01000000 00000000 01000000 03000000 6100" + "00" * 150,
+         "mujoco_ros2_control_msgs/msg/FreeJointStateArray: free_joints[0].name at byte 28: "
+         "expected a string without NUL inside"),
+        (BytesFlag, "00010000 05000000 0102", f"{BytesFlag.TYPE}: a at byte 8: expected 5 bytes, 5 bytes or more, "
+                                              "but 2 bytes remain"),
+        (Flags, "00010000 02000000 0103" + "00" * 20, f"{Flags.TYPE}: a[1] at byte 9: expected a bool (0 or 1), got 3"),
+        (Bounded, "00010000 07000000 616161616161 00", "probe/msg/Bounded: name at byte 8: "
+                                                      "expected at most 5 bytes of UTF-8, got 6"),
+        (Bounded, "00010000 01000000 00000000 04000000" + "00" * 90,
+         "probe/msg/Bounded: few at byte 12: expected at most 3 elements, got 4"),
+    ],
+)  # fmt: skip
+def test_bad_bytes_are_explained(message_type, hexadecimal, sentence):
+    with pytest.raises(CodecError) as caught:
+        message_type.from_cdr(bytes.fromhex(hexadecimal))
+    assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (Int32.model_construct(data=2**31), "std_msgs/msg/Int32: data: 2147483648 is not of type int32"),
+        (Int32.model_construct(data="5"), "std_msgs/msg/Int32: data: '5' is not of type int32"),
+        (Float32.model_construct(data=1e39), "std_msgs/msg/Float32: data: 1e+39 is not of type float32"),
+        (Header.model_construct(stamp=Time.model_construct(sec=0, nanosec=-1), frame_id=""),
+         "std_msgs/msg/Header: stamp.nanosec: -1 is not of type uint32"),
+        (String.model_construct(data="a\0b"), "std_msgs/msg/String: data: 'a\\x00b' contains NUL, which ends a string"),
+        (String.model_construct(data="\ud800"),
+         "std_msgs/msg/String: data: '\\ud800' has lone surrogates, which no encoding has"),
+        (JointState.model_construct(header=Header(), name=("a", "b\0")),
+         "sensor_msgs/msg/JointState: name[1]: 'b\\x00' contains NUL, which ends a string"),
+        (JointState.model_construct(header=Header(), name=(), position=(1.0, "x")),
+         "sensor_msgs/msg/JointState: position: not all elements are of type float64: "
+         "required argument is not a float"),
+        (Bounded.model_construct(name="sixsix"), "probe/msg/Bounded: name: expected at most 5 bytes of UTF-8, got 6"),
+        (Bounded.model_construct(name="", few=(1, 2, 3, 4)),
+         "probe/msg/Bounded: few: expected at most 3 elements, got 4"),
+        (Bounded.model_construct(name="", few=(), names=(), points=(), data=b"", times=()),
+         "probe/msg/Bounded: times: expected 2 elements, got 0"),
+        (String.model_construct(data=5),
+         "std_msgs/msg/String: a value that was never validated does not fit: 'int' object has no attribute 'encode'"),
+    ],
+)  # fmt: skip
+def test_values_that_escaped_validation_are_not_written(bad, sentence):
+    with pytest.raises(CodecError) as caught:
+        bad.to_cdr()
+    assert str(caught.value) == sentence
+
+
+def test_up_to_three_bytes_of_padding_may_follow():
+    for padding in range(4):
+        assert Bool.from_cdr(b"\0\1\0\0\1" + bytes(padding)) == Bool(data=True)
+
+
+def test_a_string_of_length_zero_is_empty_as_fast_cdr_reads_it():
+    assert String.from_cdr(bytes.fromhex("0001000000000000")) == String()
+    named = bytes.fromhex(
+        "00010000 0000000000000000 01000000 00000000 02000000 00000000 02000000 6100 0000" + "00" * 12
+    )
+    assert JointState.from_cdr(named) == JointState(name=["", "a"])
+
+
+def test_any_bytes_like_object_is_read():
+    encoded = String(data="x").to_cdr()
+    for buffer in (encoded, bytearray(encoded), memoryview(encoded)):
+        assert String.from_cdr(buffer) == String(data="x")
+    with pytest.raises(TypeError):
+        String.from_cdr(5)
+
+
+def test_a_decoded_message_is_like_a_constructed_one():
+    constructed = JointState(name=["a"], position=[1.0])
+    decoded = JointState.from_cdr(constructed.to_cdr())
+    assert decoded == constructed
+    assert hash(decoded) == hash(constructed)
+    assert repr(decoded) == repr(constructed)
+    assert decoded.model_dump() == constructed.model_dump()
+    assert decoded.model_copy(update={"name": ("b",)}) == JointState(name=["b"], position=[1.0])
