@@ -22,12 +22,10 @@ class TrackBody(Plugin[TrackBodyParameters]):
         self.host = host
         self.body = host.body_id(parameters.body)
         self.poses = host.create_publisher(PoseStamped, "~/pose")
-        host.create_timer(1.0 / parameters.rate, self.publish)
+        host.create_timer(1.0 / parameters.rate, self.publish, while_matched=self.poses)
 
     def publish(self) -> None:
         """Publishes the pose at the current instant."""
-        if not self.poses.matched:
-            return
         self.host.kinematics()
         x, y, z = self.host.data.xpos[self.body].tolist()
         qw, qx, qy, qz = self.host.data.xquat[self.body].tolist()

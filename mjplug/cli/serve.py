@@ -5,13 +5,12 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mjplug.cli.log import logging_to_stderr
-from mjplug.config.load import Loaded, load
+from mjplug.config.load import Draft, read
 
 if TYPE_CHECKING:
     from mjplug.core.simulation import Simulation
@@ -79,11 +78,10 @@ def serve(
     sets += [f"zenoh.listen=[{', '.join(listen)}]"] if listen else []
     sets += [f"zenoh.connect=[{', '.join(connect)}]"] if connect else []
     with logging_to_stderr(-1 if quiet else verbose):
-        loaded = load(config, model=model, sets=sets)
-        _run(loaded, duration, check)
+        _run(read(config, model=model, sets=sets), duration, check)
 
 
-def _run(loaded: Loaded, duration: float | None, check: bool) -> None:
+def _run(draft: Draft, duration: float | None, check: bool) -> None:
     # Imported late, so that `mjplug --help` needs neither MuJoCo nor Zenoh.
     from mjplug.core import process  # noqa: PLC0415
     from mjplug.core.model_file import load_model  # noqa: PLC0415
@@ -91,11 +89,13 @@ def _run(loaded: Loaded, duration: float | None, check: bool) -> None:
     from mjplug.plugin.selection import select  # noqa: PLC0415
     from mjplug.server import Server, stopping_on_signals  # noqa: PLC0415
 
+    loaded, plugins = select(draft)
     settings = loaded.settings
-    plugins = select(loaded)
+    for warning in loaded.warnings:
+        _log.warning("%s", warning)
     process.tame_mujoco()
     with _progress(f"compiling {settings.model}"):
-        model = load_model(settings.model, loaded.folder)
+        model = load_model(settings.model, *loaded.folders(("model",)))
     simulation = Simulation(model.model, settings.sim.keyframe)
     if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
         _log.info("starting from the model's default pose; it also has keyframes (--keyframe): %s", ", ".join(keyframes))
@@ -111,10 +111,8 @@ def _run(loaded: Loaded, duration: float | None, check: bool) -> None:
     from mjplug.wire.session import SessionSettings  # noqa: PLC0415
 
     zenoh = settings.zenoh
-    config = Path(loaded.folder, zenoh.config) if zenoh.config is not None else None
-    network = open_network(
-        SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, config), f"{settings.namespace}/{settings.node_name}"
-    )
+    wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
+    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}")
     try:
         server = Server(settings, simulation, network, plugins)
         state = "paused" if settings.sim.paused else "speed max" if settings.sim.speed == "max" else f"speed {settings.sim.speed:g}"
@@ -143,7 +141,8 @@ def _plugins(wanted: list[str]) -> list[str]:
 
 def _size(simulation: "Simulation") -> str:
     model = simulation.model
-    return f"{model.nbody - 1} bodies, {model.nv} degrees of freedom, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
+    bodies = "1 body" if model.nbody == 2 else f"{model.nbody - 1} bodies"
+    return f"{bodies}, {model.nv} DOFs, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
 
 
 @contextmanager

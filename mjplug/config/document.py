@@ -1,7 +1,7 @@
 """A YAML file as plain values, with the place of every one of them.
 
-PyYAML's C parser builds the nodes; the values are made here, by ROS's scalar rules, since PyYAML's own rules read `1e3` as text and
-`1:30` as 90, and let the last of two equal keys win without a word.
+PyYAML's C parser builds the nodes; the values are made here, by ROS's scalar rules, since PyYAML's own rules read
+`1e3` as text and `1:30` as 90, and let the last of two equal keys win without a word.
 """
 
 import re
@@ -133,19 +133,15 @@ class _Walk:
 
     def value(self, node: Node, path: KeyPath, key: Node | None = None) -> object:
         self._enter(node, len(path))
-        plain = node.value if isinstance(node, ScalarNode) and not node.style and node.tag != _STRING_TAG else None
         mark = self._mark(node)
+        plain = node.value if isinstance(node, ScalarNode) and _is_plain(node) else None
         self._places[path] = Place(self._mark(key) if key else mark, mark, plain)
         self._check_tag(node)
         if isinstance(node, MappingNode):
             return self._mapping(node, path)
         if isinstance(node, SequenceNode):
             return [self.value(item, (*path, i)) for i, item in enumerate(node.value)]
-        if plain is not None:
-            return unquoted(plain)
-        text: str = node.value
-        # To ROS a block scalar is as unquoted as a plain one.
-        return ros_scalar(text) if node.style in ("|", ">") and node.tag != _STRING_TAG else text
+        return _scalar(node) if isinstance(node, ScalarNode) else None
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         result: dict[str, object] = {}
@@ -174,7 +170,7 @@ class _Walk:
         """Yields what `<<` brings in; of two mappings with the same key, the first one counts."""
         self._enter(node, depth)
         for key, value in node.value:
-            if not _is_merge(key):
+            if not (isinstance(key, ScalarNode) and _is_merge(key)):
                 continue
             for other in value.value if isinstance(value, SequenceNode) else [value]:
                 if isinstance(other, MappingNode):
@@ -195,7 +191,9 @@ class _Walk:
         known = {MappingNode: "tag:yaml.org,2002:map", SequenceNode: "tag:yaml.org,2002:seq", ScalarNode: _STRING_TAG}
         if node.tag and node.tag != known[type(node)]:
             tag = node.tag.replace("tag:yaml.org,2002:", "!!")
-            self._problem(f"the tag {tag!r} has no meaning here; only !!str has, for text that looks like a number", node)
+            self._problem(
+                f"the tag {tag!r} has no meaning here; only !!str has, for text that looks like a number", node
+            )
 
     def _problem(self, message: str, node: Node) -> None:
         problem = Problem(message, self._mark(node))
@@ -206,5 +204,17 @@ class _Walk:
         return Mark(self._source, node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def _is_merge(key: Node) -> bool:
-    return isinstance(key, ScalarNode) and key.value == "<<" and not key.style
+def _scalar(node: ScalarNode) -> object:
+    text: str = node.value
+    if _is_plain(node):
+        return unquoted(text)
+    # To ROS a block scalar is as unquoted as a plain one.
+    return ros_scalar(text) if node.style in ("|", ">") and node.tag != _STRING_TAG else text
+
+
+def _is_plain(node: ScalarNode) -> bool:
+    return not node.style and node.tag != _STRING_TAG
+
+
+def _is_merge(key: ScalarNode) -> bool:
+    return bool(key.value == "<<" and not key.style)

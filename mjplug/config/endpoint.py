@@ -24,5 +24,7 @@ def check_endpoint(text: str) -> str:
         raise ValueError(f"unknown protocol {protocol!r} in {text!r}{suggestion}; known: {', '.join(_PROTOCOLS)}")
     port = re.search(r"[^:]:([0-9]{1,5})$", re.split("[?#]", address)[0])
     if protocol in _PORTED and (port is None or int(port[1]) > 65535):
-        raise ValueError(f"{text!r} has no valid port; write it as {protocol}/host:port, such as {protocol}/127.0.0.1:7447")
+        raise ValueError(
+            f"{text!r} has no valid port; write it as {protocol}/host:port, such as {protocol}/127.0.0.1:7447"
+        )
     return text

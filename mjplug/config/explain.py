@@ -9,7 +9,7 @@ from pydantic_core import ErrorDetails
 
 from mjplug.config.document import KeyPath
 from mjplug.config.known_keys import known_keys
-from mjplug.config.problem import Mark, Problem
+from mjplug.config.problem import Problem
 from mjplug.config.scalar import ros_scalar
 from mjplug.config.tree import Tree
 from mjplug.errors import did_you_mean
@@ -51,7 +51,7 @@ def explain(error: ValidationError, tree: Tree, prefix: KeyPath, model: type[Bas
 
 def dotted(path: KeyPath) -> str:
     """Returns a path as people write it: `plugins.cam.topics[0]`."""
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{_short(part)}" for part in path)
     return text.removeprefix(".")
 
 
@@ -64,6 +64,10 @@ def show(value: object) -> str:
     if value is None:
         return "nothing"
     text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return _short(text)
+
+
+def _short(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
 
 
@@ -82,7 +86,9 @@ def _locate(details: ErrorDetails, tree: Tree, prefix: KeyPath) -> tuple[KeyPath
     return path, details["type"] == "extra_forbidden" or location[-1:] == (_KEY,)
 
 
-def _problem(path: KeyPath, is_key: bool, group: list[ErrorDetails], tree: Tree, model: type[BaseModel] | None) -> Problem:
+def _problem(
+    path: KeyPath, is_key: bool, group: list[ErrorDetails], tree: Tree, model: type[BaseModel] | None
+) -> Problem:
     first = group[0]
     kinds = {details["type"] for details in group}
     place = tree.place(path)
@@ -92,10 +98,16 @@ def _problem(path: KeyPath, is_key: bool, group: list[ErrorDetails], tree: Tree,
         listing = f"; known: {', '.join(known)}" if known else ""
         return Problem(f"{dotted(path)}: unknown key{listing}", mark, _suggestion(str(path[-1]), known))
     if "missing" in kinds:
-        return Problem(f"{dotted(path)}: required, but not given", tree.place(path[:-1]).key, _instance_hint(path, tree))
+        return Problem(
+            f"{dotted(path)}: required, but not given", tree.place(path[:-1]).key, _instance_hint(path, tree)
+        )
     value = path[-1] if is_key else tree.get(path)
     message, expected = _combined(group)
-    said = "" if any(details["type"] in ("value_error", "assertion_error") for details in group) else f", not {show(value)}"
+    said = (
+        ""
+        if any(details["type"] in ("value_error", "assertion_error") for details in group)
+        else f", not {show(value)}"
+    )
     hint = _suggestion(value, expected) if isinstance(value, str) else ""
     return Problem(f"{dotted(path)}: {message}{said}", mark, hint or _quoting_hint(kinds, value, place.plain))
 
@@ -105,7 +117,9 @@ def _combined(group: list[ErrorDetails]) -> tuple[str, list[str]]:
     parts: list[str] = []
     expected: list[str] = []
     for details in group:
-        text = _WORDS.get(details["type"], details["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, "))
+        text = _WORDS.get(
+            details["type"], details["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        )
         if details["type"] in ("literal_error", "enum"):
             expected += re.findall("'([^']*)'", str(details.get("ctx", {}).get("expected", "")))
         if text not in parts:
@@ -117,7 +131,7 @@ def _combined(group: list[ErrorDetails]) -> tuple[str, list[str]]:
 
 
 def _suggestion(word: str, known: Sequence[str]) -> str:
-    return did_you_mean(word, known).removeprefix(", ")
+    return did_you_mean(word, known).removeprefix(", ") if len(word) <= _LONGEST else ""
 
 
 def _quoting_hint(kinds: set[str], value: object, plain: str | None) -> str:
@@ -141,8 +155,8 @@ def _quoting_hint(kinds: set[str], value: object, plain: str | None) -> str:
 def _instance_hint(path: KeyPath, tree: Tree) -> str:
     """Returns a hint for an entry under `plugins` that an option made, most likely by a misspelt name."""
     if len(path) != 3 or path[0] != "plugins" or path[2] != "type":
-        return 'write "model: FILE", or give --model FILE' if path == ("model",) else ""
-    if tree.place(path[:2]).value.line:
+        return ""
+    if tree.place(path[:2]).value.source.lines:
         return ""
     others = cast(dict[str, object], tree.get(("plugins",)))
     return _suggestion(str(path[1]), [name for name in others if name != path[1]])

@@ -1,89 +1,178 @@
-"""Puts a configuration together: defaults, files, environment, command line; everything wrong comes out at once."""
+"""Puts a configuration together: files, environment, command line; everything wrong comes out at once."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from mjplug.config import overrides
-from mjplug.config.document import Document, KeyPath, read_document
+from mjplug.config.document import Document, Place, read_document
+from mjplug.config.draft import Draft, Loaded
+from mjplug.config.explain import show
 from mjplug.config.origins import Origins
 from mjplug.config.problem import Mark, Problem, Source
 from mjplug.config.ros_params import is_ros_file, node_names, own_form
-from mjplug.config.settings import PluginEntry, Settings
+from mjplug.config.settings import Settings
 from mjplug.config.tree import Tree
 from mjplug.errors import ConfigError
 
+__all__ = ["Draft", "Loaded", "is_model", "load", "read"]
+
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
+_MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
 
 
-class Loaded(Origins):
-    """A valid configuration, and where each part of it came from.
+def load(
+    path: str | Path | None,
+    *,
+    model: str | None = None,
+    sets: Sequence[str] = (),
+    environ: Mapping[str, str] = os.environ,
+) -> Loaded:
+    """Loads a configuration; nobody checks plugin parameters, as somebody may between `read` and `Draft.finish`.
 
-    Attributes:
-        settings: The values.
-        warnings: What the user should hear, though nothing is wrong with it.
+    Args:
+        path: As for `read`, like everything else.
+        model: The model, in place of the one in the file.
+        sets: Values from the command line.
+        environ: Environment variables.
+
+    Raises:
+        ConfigError: Something is wrong; all of it is in there.
+    """
+    return read(path, model=model, sets=sets, environ=environ).finish()
+
+
+def read(
+    path: str | Path | None,
+    *,
+    model: str | None = None,
+    sets: Sequence[str] = (),
+    environ: Mapping[str, str] = os.environ,
+) -> Draft:
+    """Reads a configuration.
+
+    Args:
+        path: A file of our own form, a ROS parameter file, or a model; None for nothing but options.
+        model: The model, in place of the one in the file (`--model`).
+        sets: Values such as `sim.speed=2` (`--set`); they win over the environment, and that over the file.
+        environ: Environment variables; those such as `MJPLUG_SIM__SPEED` count.
+
+    Raises:
+        ConfigError: The file cannot be read, or is no configuration at all.
+    """
+    options = _Options(model, sets, environ)
+    main = _main(path, model)
+    tree, _ = _assemble(main, [], options)
+    ros_documents, problems = _ros_documents(main, Origins(tree, main.folder), tree)
+    tree, wrong_options = _assemble(main, ros_documents, options)
+    problems += wrong_options
+    if "model" not in tree.value:
+        problems.append(Problem(f"no model: {main.way_out}", Mark(main.source)))
+    return Draft(tree, main.folder, problems)
+
+
+def is_model(path: str | Path) -> bool:
+    """Tells a model from a configuration file, by its name."""
+    text = str(path)
+    return text.startswith(_MODEL_SCHEMES) or text.lower().endswith(_MODEL_SUFFIXES)
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """What does not come from files."""
+
+    model: str | None
+    sets: Sequence[str]
+    environ: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Main:
+    """The file that was named first: at most one of `own` and `ros` is there; without both, there is no file.
+
+    `way_out` says what to do when there is no model.
     """
 
-    settings: Settings
-    warnings: tuple[Problem, ...]
-
-    def __init__(self, tree: Tree, folder: Path, settings: Settings, warnings: Iterable[Problem]) -> None:
-        super().__init__(tree, folder)
-        self.settings = settings
-        self.warnings = tuple(warnings)
+    source: Source
+    folder: Path
+    way_out: str
+    own: Document | None = None
+    ros: Document | None = None
 
 
-class Draft(Origins):
-    """A configuration that was read, and may still be wrong.
+def _main(path: str | Path | None, model: str | None) -> _Main:
+    if path is None:
+        return _Main(Source("command line"), Path.cwd(), "give a configuration file, or --model FILE")
+    if is_model(path):
+        if model is not None:
+            message = f"is a model, and --model {model} is another one; give one of them"
+            raise ConfigError([Problem(message, Mark(Source(str(path))))])
+        source = Source(str(path))
+        place = Place(Mark(source), Mark(source))
+        folder = Path.cwd() if str(path).startswith(_MODEL_SCHEMES) else Path(path).absolute().parent
+        return _Main(source, folder, "", Document(source, {"model": str(path)}, {(): place, ("model",): place}))
+    file = Path(os.path.expanduser(path))
+    document = read_document(file)
+    source, folder = document.source, file.absolute().parent
+    whole = Mark(source)
+    if document.value is None:
+        raise ConfigError([*document.problems, Problem("the file is empty; the least is `model: FILE`", whole)])
+    if not isinstance(document.value, dict):
+        message = f"a configuration is a mapping of settings such as `model: scene.xml`, not {show(document.value)}"
+        raise ConfigError([*document.problems, Problem(message, document.places[()].value)])
+    if is_ros_file(document.value):
+        return _Main(source, folder, "a ROS parameter file names none; give --model FILE", ros=document)
+    return _Main(source, folder, "write `model: FILE`, or give --model FILE", own=document)
 
-    Who knows the plugins checks their parameters on a draft, so that what is wrong with them comes out together with the rest.
 
-    Attributes:
-        problems: What is wrong so far, warnings included.
-    """
+def _assemble(main: _Main, ros_documents: Sequence[Document], options: _Options) -> tuple[Tree, list[Problem]]:
+    """Puts everything into one tree, the strongest last."""
+    tree = Tree(main.source)
+    problems: list[Problem] = []
+    for document in [*ros_documents, *([main.own] if main.own else [])]:
+        tree.merge(document)
+        problems += document.problems
+    for key in _MAY_BE_EMPTY:
+        if key in tree.value and tree.value[key] is None:
+            tree.remove(key)
+    problems += overrides.put_environment(tree, options.environ)
+    if options.model is not None:
+        overrides.put_model(tree, options.model)
+    problems += overrides.put_sets(tree, options.sets)
+    return tree, problems
 
-    def __init__(self, tree: Tree, folder: Path, problems: Iterable[Problem]) -> None:
-        super().__init__(tree, folder)
-        self.problems = list(problems)
-        self._settings: Settings | None = None
+
+def _ros_documents(main: _Main, origins: Origins, tree: Tree) -> tuple[list[Document], list[Problem]]:
+    """Returns the ROS parameter files in our own form: the main file, and those it lists."""
+    documents = [main.ros] if main.ros else []
+    problems: list[Problem] = []
+    listed = tree.get(("ros_params",))
+    for i in range(len(listed) if isinstance(listed, list) else 0):
+        path = ("ros_params", i)
+        problems += origins.missing_file(path)
+        file = origins.path(path)
+        if file is None:
+            continue
         try:
-            self._settings = Settings.model_validate(tree.value)
-        except ValidationError as error:
-            self.problems += self.explain(error, (), Settings)
-        self._find(("zenoh", "config"))
+            document = read_document(_short(file))
+        except ConfigError as error:
+            problems += error.problems
+            continue
+        if is_ros_file(document.value):
+            documents.append(document)
+        else:
+            problems.append(origins.problem(path, f"{str(file)!r} is no ROS parameter file, it has no ros__parameters"))
+    nodes = node_names(_text(tree, "namespace"), _text(tree, "node_name"))
+    return [own_form(document, nodes) for document in documents], problems
 
-    @property
-    def plugins(self) -> dict[str, PluginEntry]:
-        """The plugin entries that have a type, by instance name, even where other settings are wrong."""
-        found = self._tree.value.get("plugins")
-        entries = found if isinstance(found, dict) else {}
-        return {
-            name: PluginEntry.model_validate(entry)
-            for name, entry in entries.items()
-            if isinstance(entry, dict) and isinstance(entry.get("type"), str) and entry["type"]
-        }
 
-    def finish(self, more: Iterable[Problem] = ()) -> Loaded:
-        """Returns the configuration if nothing is wrong with it.
+def _short(file: Path) -> Path:
+    here = Path.cwd()
+    return file.relative_to(here) if file.is_relative_to(here) else file
 
-        Args:
-            more: What plugins have found.
 
-        Raises:
-            ConfigError: Something is wrong; all of it is in there.
-        """
-        problems = [*self.problems, *more]
-        if self._settings is None or any(problem.severity == "error" for problem in problems):
-            raise ConfigError(problems)
-        return Loaded(self._tree, self.folder, self._settings, problems)
-
-    def _find(self, path: KeyPath) -> Path | None:
-        """Returns the file that is named at a path; if there is a name but no file, this is a problem."""
-        name, file = self._tree.get(path), self.path(path)
-        if isinstance(name, str) and file is None:
-            looked = " or ".join(str(folder) for folder in self.folders(path))
-            self.problems.append(self.problem(path, f"no such file: {name!r}, neither in {looked}" ...))
-        return file
+def _text(tree: Tree, name: str) -> str:
+    value = tree.get((name,))
+    return value if isinstance(value, str) else str(Settings.model_fields[name].default)

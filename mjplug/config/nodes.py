@@ -17,7 +17,7 @@ except ImportError:  # PyYAML built without libyaml: slower, otherwise the same
     from yaml import SafeLoader as _SafeLoader  # type: ignore[assignment]
 
 MAX_DEPTH = 64
-"""Levels of nesting. The C parser recurses without a bound of its own, and ends the process on some ten thousand levels."""
+"""Levels of nesting. The C parser recurses without a bound, and ten thousands of levels crash the process."""
 
 _SENTENCES = {
     "but found another document": "a second document begins here; a configuration is one document",
@@ -58,20 +58,20 @@ def _refuse_deep_nesting(text: str, source: Source) -> None:
         if isinstance(event, CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                mark = event.start_mark
-                raise ConfigError(
-                    [Problem(f"nested deeper than {MAX_DEPTH} levels", Mark(source, mark.line + 1, mark.column + 1))]
-                )
+                at = event.start_mark
+                mark = Mark(source, at.line + 1, at.column + 1) if at else Mark(source)
+                raise ConfigError([Problem(f"nested deeper than {MAX_DEPTH} levels", mark)])
         elif isinstance(event, CollectionEndEvent):
             depth -= 1
 
 
 def _syntax_problem(error: yaml.MarkedYAMLError, source: Source) -> Problem:
-    at = error.problem_mark or error.context_mark
-    message = f"YAML syntax: {_SENTENCES.get(error.problem or '', error.problem)}"
-    if error.problem not in _SENTENCES and error.context and error.context_mark and at and error.context_mark.line != at.line:
-        message += f" ({error.context} that starts on line {error.context_mark.line + 1})"
+    at, start = error.problem_mark or error.context_mark, error.context_mark
     mark = _within(Mark(source, at.line + 1, at.column + 1)) if at else Mark(source)
+    message = f"YAML syntax: {_SENTENCES.get(error.problem or '', error.problem)}"
+    if error.context and start and error.problem not in _SENTENCES:
+        message += f" {error.context}"
+        message += f" that starts on line {start.line + 1}" if source.lines and start.line + 1 < mark.line else ""
     line = source.lines[mark.line - 1] if 0 < mark.line <= len(source.lines) else ""
     hint = ""
     if line[mark.column - 1 :].startswith("\t") or re.match(" *\t", line):
@@ -84,7 +84,7 @@ def _syntax_problem(error: yaml.MarkedYAMLError, source: Source) -> Problem:
 
 
 def _within(mark: Mark) -> Mark:
-    """Moves a mark behind the end of the text, where the parser found something missing, to the end of the last line."""
+    """Moves a mark behind the end of the text, where the parser misses something, to the end of the last line."""
     lines = mark.source.lines
     if not lines or (mark.line <= len(lines) and lines[mark.line - 1].strip()):
         return mark
@@ -93,9 +93,9 @@ def _within(mark: Mark) -> Mark:
 
 
 def _unreadable_character(error: ReaderError, text: str, source: Source) -> Problem:
-    # `position` counts characters for text in memory, in both parsers.
+    # Its position counts bytes in one parser and characters in the other.
     message = f"YAML syntax: the character U+{error.character:04X} is not allowed"
-    return Problem(message, _mark_at(text, error.position, source))
+    return Problem(message, _mark_at(text, max(0, text.find(chr(error.character))), source))
 
 
 def _mark_at(text: str, position: int, source: Source) -> Mark:

@@ -1,5 +1,6 @@
 """Where each part of a configuration came from: for errors, and for what its relative file names count from."""
 
+import os
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
@@ -27,7 +28,9 @@ class Origins:
         self.folder = folder
         self._tree = tree
 
-    def explain(self, error: ValidationError, prefix: KeyPath = (), model: type[BaseModel] | None = None) -> list[Problem]:
+    def explain(
+        self, error: ValidationError, prefix: KeyPath = (), model: type[BaseModel] | None = None
+    ) -> list[Problem]:
         """Returns pydantic's findings as problems with a place.
 
         Args:
@@ -44,16 +47,26 @@ class Origins:
     def folders(self, path: KeyPath) -> tuple[Path, ...]:
         """Returns where a relative file name at a path counts from, first choice first.
 
-        For a name in a file that is the file's folder, then the current one; for options and variables the other way round.
+        For a name in a file that is the file's folder, then the current one; for options and variables the other way
+        round.
         """
         folder = self._tree.place(path).value.source.folder
         choices = (folder, Path.cwd()) if folder is not None else (Path.cwd(), self.folder)
         return tuple(dict.fromkeys(choices))
 
     def path(self, path: KeyPath) -> Path | None:
-        """Returns the existing file that is named at a path, such as `("zenoh", "config")`; None if it does not exist, or has no name."""
+        """Returns the file that is named at a path, such as `("zenoh", "config")`; None if it does not exist."""
         name = self._tree.get(path)
         if not isinstance(name, str):
             return None
-        candidates = (folder / Path(name).expanduser() for folder in self.folders(path))
-        return next((file for file in candidates if file.is_file()), None)
+        # os.path answers "no" where pathlib raises: for unreadable folders, unknown users, names too long.
+        candidates = (folder / os.path.expanduser(name) for folder in self.folders(path))
+        return next((Path(file) for file in candidates if os.path.isfile(file)), None)
+
+    def missing_file(self, path: KeyPath) -> list[Problem]:
+        """Returns a problem if a file is named at a path, and does not exist."""
+        name = self._tree.get(path)
+        if not isinstance(name, str) or self.path(path) is not None:
+            return []
+        folders = " or ".join(str(folder) for folder in self.folders(path))
+        return [self.problem(path, f"there is no file {name!r} in {folders}")]

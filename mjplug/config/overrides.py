@@ -7,7 +7,7 @@ from mjplug.config.document import Place, parse_document, unquoted
 from mjplug.config.explain import dotted, show
 from mjplug.config.problem import Mark, Problem, Source
 from mjplug.config.settings import Section, Settings
-from mjplug.config.tree import NotASection, Tree
+from mjplug.config.tree import NotASectionError, Tree
 from mjplug.errors import ConfigError, did_you_mean
 
 PREFIX = "MJPLUG_"
@@ -69,8 +69,8 @@ def _put_text(tree: Tree, path: Sequence[str], text: str, source: Source) -> lis
 def _put(tree: Tree, path: Sequence[str], value: object, source: Source, text: str) -> list[Problem]:
     mark = Mark(source)
     try:
-        tree.put(path, value, Place(mark, mark, text))
-    except NotASection as error:
+        tree.put(path, value, Place(mark, mark, None if text.startswith(("'", '"')) else text))
+    except NotASectionError as error:
         return [Problem(f"{dotted(error.path)} is {show(error.value)}, it has no {path[len(error.path)]!r}", mark)]
     return []
 

@@ -51,11 +51,10 @@ class Problem:
 
     def __str__(self) -> str:
         mark = self.mark
-        line_exists = 0 < mark.line <= len(mark.source.lines)
-        place = f"{mark.source.name}:{mark.line}:{mark.column}" if mark.line else mark.source.name
-        head = f"{place}: {self.severity}: {self.message}"
-        if not line_exists:
+        if not 0 < mark.line <= len(mark.source.lines):
+            head = f"{mark.source.name}: {self.severity}: {self.message}"
             return f"{head}; {self.hint}" if self.hint else head
+        head = f"{mark.source.name}:{mark.line}:{mark.column}: {self.severity}: {self.message}"
         text, before = _excerpt(mark.source.lines[mark.line - 1], mark.column - 1)
         caret = f"{' ' * 5} | {before}^ {self.hint}".rstrip()
         return f"{head}\n{mark.line:>5} | {text}\n{caret}"
@@ -64,7 +63,9 @@ class Problem:
 def _excerpt(line: str, column: int) -> tuple[str, str]:
     """Returns what to show of a source line, and the blanks that put a caret below its `column` (from 0)."""
     start = max(0, column - _WIDEST // 2) if len(line) > _WIDEST else 0
-    shown = "".join(c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in line[start : start + _WIDEST])
+    shown = "".join(
+        c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in line[start : start + _WIDEST]
+    )
     blanks = "".join(_blank(c) for c in shown[: column - start])
     return shown, blanks + " " * (column - start - len(shown))
 

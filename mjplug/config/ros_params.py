@@ -1,7 +1,8 @@
 """ROS parameter files: what they say about plugins, in the form of our own configuration files.
 
-A section of such a file is for every node whose full name matches its pattern; `/**` is any number of names, `/*` is one. Parameters may
-be nested or dotted (`mujoco_plugins.cam.type`), and later ones win. Places still point into the ROS file.
+A section of such a file is for every node whose full name matches its pattern; `/**` is any number of names, `/*` is
+one. Parameters may be nested or dotted (`mujoco_plugins.cam.type`), and later ones win. Places still point into the ROS
+file.
 """
 
 import re
@@ -62,7 +63,7 @@ def matches(pattern: str, node: str) -> bool:
 
 
 def own_form(document: Document, nodes: Sequence[str]) -> Document:
-    """Returns a ROS parameter file as a document of our own form; other nodes' and other software's parameters are left out.
+    """Returns a ROS parameter file as a document of our own form, without other nodes' and other software's parameters.
 
     Args:
         document: The ROS parameter file.
@@ -78,13 +79,19 @@ def own_form(document: Document, nodes: Sequence[str]) -> Document:
     return result
 
 
-def _sections(document: Document, value: dict[str, object], path: KeyPath, problems: list[Problem]) -> Iterator[_Section]:
+def _sections(
+    document: Document, value: dict[str, object], path: KeyPath, problems: list[Problem]
+) -> Iterator[_Section]:
     """Yields the sections of a file in order; namespaces may be nested mappings."""
     for key, item in value.items():
         here = (*path, key)
         if not is_ros_file({key: item}):
             message = f"{key!r} is no section of a ROS parameter file: it has no ros__parameters"
-            hint = "" if path else "a ROS file in `ros_params` of a configuration file can be used together with other settings"
+            hint = (
+                ""
+                if path
+                else "a ROS file in `ros_params` of a configuration file can be used together with other settings"
+            )
             problems.append(Problem(message, document.places[here].key, hint))
             continue
         section = cast(dict[str, object], item)
@@ -104,7 +111,9 @@ def _take(document: Document, section: _Section, result: Document) -> None:
     """Adds a section's plugins to the result."""
     entries = list(_flat(section.parameters, section.path, ()))
     types = {name[0]: _value(document, path) for name, path in entries if len(name) == 2 and name[1] == "type"}
-    misplaced = {plugin for plugin, value in types.items() if isinstance(value, str) and value.startswith(_REFERENCE_TYPES)}
+    misplaced = {
+        plugin for plugin, value in types.items() if isinstance(value, str) and value.startswith(_REFERENCE_TYPES)
+    }
     warned: set[str] = set()
     for name, path in entries:
         place = document.places[path]
@@ -115,14 +124,18 @@ def _take(document: Document, section: _Section, result: Document) -> None:
         elif name[0] in misplaced:
             if name[0] not in warned:
                 warned.add(name[0])
-                message = f"the plugin {name[0]!r} belongs under `mujoco_plugins:`, where mujoco_ros2_control looks for it"
+                message = (
+                    f"the plugin {name[0]!r} belongs under `mujoco_plugins:`, where mujoco_ros2_control looks for it"
+                )
                 result.problems.append(Problem(message, place.key, severity="warning"))
             _store(document, path, result, ("plugins", *name))
         elif name == ("use_sim_time",):
             result.problems += _use_sim_time(_value(document, path), place)
 
 
-def _flat(parameters: dict[str, object], path: KeyPath, prefix: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], KeyPath]]:
+def _flat(
+    parameters: dict[str, object], path: KeyPath, prefix: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], KeyPath]]:
     """Yields the name and the path in the file of every parameter and group of parameters, groups first."""
     for key, value in parameters.items():
         name, here = (*prefix, *key.split(".")), (*path, key)
@@ -149,8 +162,7 @@ def _store(document: Document, source: KeyPath, result: Document, target: KeyPat
         return
     node[target[-1]] = value
     if isinstance(value, list):
-        inside = {p: at for p, at in document.places.items() if p[: len(source)] == source}
-        result.places |= {(*target, *p[len(source) :]): at for p, at in inside.items()}
+        result.places |= {(*target, i): document.places[(*source, i)] for i in range(len(value))}
 
 
 def _value(document: Document, path: KeyPath) -> object:

@@ -1,7 +1,7 @@
 """The type of an unquoted value, by the rules of ROS's own parameter parser.
 
-Source: `rcl_yaml_param_parser`, function `get_value`. It asks C's `strtol` and `strtod`, so `012` is 10, `08` is 8.0, `1_000` is text
-and `1:30` is text, unlike in YAML 1.1 or 1.2. A file therefore means the same here and in ROS.
+Source: `rcl_yaml_param_parser`, function `get_value`. It asks C's `strtol` and `strtod`, so `012` is 10, `08` is 8.0,
+`1_000` and `1:30` are text, unlike in YAML 1.1 or 1.2. A file therefore means the same here and in ROS.
 """
 
 import re
@@ -24,14 +24,15 @@ _NAMED = re.compile(rf"{_SPACE}([+-]?)(?:(inf|infinity)|nan(?:\([A-Za-z0-9_]*\))
 
 
 def ros_scalar(text: str) -> Scalar:
-    """Returns the value that ROS reads from an unquoted scalar: a bool, an int of 64 bits, a float, or else the text itself."""
+    """Returns what ROS reads from an unquoted scalar: a bool, an int of 64 bits, a float, or else the text itself."""
     if text in _TRUE:
         return True
     if text in _FALSE:
         return False
-    number = _integer(text)
-    if number is None:
-        number = _float(text)
+    integer = _integer(text)
+    if integer is not None:
+        return integer
+    number = _float(text)
     return text if number is None else number
 
 

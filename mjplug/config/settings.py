@@ -24,7 +24,7 @@ Endpoints = Annotated[tuple[Annotated[str, AfterValidator(check_endpoint)], ...]
 
 
 class Section(BaseModel):
-    """A part of the configuration: frozen, without unknown keys, and with scalars of exactly their type (an int is a float too)."""
+    """A part of the configuration: no unknown keys, and every scalar of exactly its type, though an int is a float."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -38,7 +38,9 @@ class Sim(Section):
     paused: bool = Field(False, description="Whether to start paused.")
     keyframe: str = Field("", description="Name of the keyframe to start from; empty means the model's default pose.")
     seed: int = Field(0, ge=0, description="Seed of all random numbers.")
-    clock_rate: float = Field(100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time].")
+    clock_rate: float = Field(
+        100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time]."
+    )
     on_divergence: Literal["pause", "reset", "stop"] = Field(
         "pause", description="What to do when the state becomes NaN or grows without bound."
     )
@@ -52,11 +54,12 @@ class Zenoh(Section):
     )
     listen: Endpoints | None = Field(
         None,
-        description="Endpoints to listen on, port 0 being any free one; `tcp/127.0.0.1:7447` for a router unless something else is said.",
+        description="Endpoints to listen on; port 0 is any free one. A router's default is `tcp/127.0.0.1:7447`.",
     )
     connect: Endpoints = Field((), description="Endpoints to connect to.")
     config: str | None = Field(
-        None, description="A Zenoh configuration file (JSON5): TLS, users, access control and all else that Zenoh can do."
+        None,
+        description="A Zenoh configuration file (JSON5): TLS, users, access control and all else that Zenoh can do.",
     )
 
 
@@ -74,7 +77,8 @@ class PluginEntry(BaseModel):
 
     type: str = Field(
         min_length=1,
-        description="Which plugin: a registered name such as `heartbeat` or `mujoco_ros2_control_plugins/ExternalWrenchPlugin`, or `module:Class`.",
+        description="Which plugin: a registered name such as `heartbeat`, a name of mujoco_ros2_control's, or "
+        "`module:Class`.",
     )
 
     @property
@@ -88,20 +92,27 @@ class Settings(Section):
 
     model: str = Field(
         min_length=1,
-        description="The model: a .xml, .urdf, .mjb or .mjz file relative to this file, `package://pkg/path`, or `bundled:NAME`.",
+        description="A .xml, .urdf, .mjb or .mjz file relative to this file, `package://pkg/path`, or `bundled:NAME`.",
     )
-    node_name: NodeName = Field("mjplug", description="The server's own name: `/<namespace>/<node_name>/set_pause` and so on.")
+    node_name: NodeName = Field(
+        "mjplug", description="The server's own name: `/<namespace>/<node_name>/set_pause` and so on."
+    )
     namespace: Annotated[str, AfterValidator(normalize_namespace)] = Field(
         "", description="ROS namespace of every relative name; empty is the root."
     )
-    remap: dict[FullName, FullName] = Field({}, description="Full names, and what they are called instead: `{/scan: /robot1/scan}`.")
+    remap: dict[FullName, FullName] = Field(
+        {}, description="Full names, and what they are called instead: `{/scan: /robot1/scan}`."
+    )
     sim: Sim = Field(Sim(), description="How the simulation runs.")
     zenoh: Zenoh = Field(Zenoh(), description="How the server gets onto the network.")
     ros2: Ros2 = Field(Ros2(), description="How ROS 2 nodes on rmw_zenoh see the server.")
-    plugins: dict[NodeName, PluginEntry] = Field({}, description="What runs besides the server's own services, by instance name.")
+    plugins: dict[NodeName, PluginEntry] = Field(
+        {}, description="What runs besides the server's own services, by instance name."
+    )
     ros_params: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="ROS parameter files whose `mujoco_plugins` run too; `plugins` has the last word."
     )
     on_plugin_error: Literal["stop", "disable"] = Field(
-        "stop", description="What an exception in a plugin's update does: end the server, or end only the plugin's work."
+        "stop",
+        description="What an exception in a plugin's update does: end the server, or end only the plugin's work.",
     )

@@ -8,7 +8,7 @@ from mjplug.config.document import Document, KeyPath, Place
 from mjplug.config.problem import Mark, Source
 
 
-class NotASection(Exception):
+class NotASectionError(Exception):
     """A path goes through something that has no such part.
 
     Attributes:
@@ -48,7 +48,8 @@ class Tree:
             if isinstance(old, dict) and isinstance(value, dict):
                 self._merge(here, old, value)
             else:
-                self._forget(here)
+                if key in into:
+                    self._forget(here)
                 into[key] = deepcopy(value)
 
     def put(self, path: Sequence[str], value: object, place: Place) -> None:
@@ -60,7 +61,7 @@ class Tree:
             place: Where it came from.
 
         Raises:
-            NotASection: A part of the path is there already, but has no parts, or no item of that number.
+            NotASectionError: A part of the path is there already, but has no parts, or no item of that number.
         """
         node: object = self.value
         done: KeyPath = ()
@@ -82,12 +83,11 @@ class Tree:
         """Returns the value at a path, or None."""
         node: object = self.value
         for part in path:
-            if isinstance(node, dict) and part in node:
-                node = node[part]
-            elif isinstance(node, list) and isinstance(part, int) and part < len(node):
-                node = node[part]
-            else:
+            in_mapping = isinstance(node, dict) and part in node
+            in_list = isinstance(node, list) and isinstance(part, int) and part < len(node)
+            if not (in_mapping or in_list):
                 return None
+            node = cast(dict[str | int, object], node)[part]
         return node
 
     def remove(self, key: str) -> None:
@@ -111,4 +111,4 @@ def _key(node: object, part: str, path: KeyPath) -> str | int:
         return part
     if isinstance(node, list) and part.isdecimal() and int(part) < len(node):
         return int(part)
-    raise NotASection(path, node)
+    raise NotASectionError(path, node)

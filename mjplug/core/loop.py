@@ -71,8 +71,6 @@ class Loop:
         inbox: Where other threads post calls.
         pacer: Wall-clock pacing.
         paused: Whether simulated time stands still.
-        velocity_override: Shape (nv,); NaN before each round of updates; a finite entry replaces that DOF's velocity in
-            `qvel` right before the step.
         on_reset: Called after every reset, when all steppers have been told.
         on_stepped: Called whenever steps asked for while paused have been taken.
         failure: The error that ended `run`, if one did.
@@ -91,7 +89,7 @@ class Loop:
         self.inbox = Inbox()
         self.pacer = Pacer(simulation.time, speed)
         self.paused = paused
-        self.velocity_override: NDArray[np.float64] = np.full(simulation.model.nv, np.nan)
+        self._override: NDArray[np.float64] | None = None
         self.on_reset: list[Callable[[], None]] = []
         self.on_stepped: list[Callable[[], None]] = []
         self.failure: MjplugError | None = None
@@ -102,6 +100,16 @@ class Loop:
         self._goals: deque[StepGoal] = deque()
         self._stopping = False
         self._batch = 1
+
+    @property
+    def velocity_override(self) -> NDArray[np.float64]:
+        """Shape (nv,); NaN before each round of updates; finite entries replace velocities right before the step.
+
+        It is looked at from its first use on, so that a server without such plugins does not pay for it.
+        """
+        if self._override is None:
+            self._override = np.full(self.simulation.model.nv, np.nan)
+        return self._override
 
     def add(self, stepper: Stepper) -> None:
         """Adds a stepper, inactive. Steppers are updated and told of resets in the order in which they were added."""
@@ -119,16 +127,15 @@ class Loop:
         """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over."""
         try:
             result = handler(call.request, call)
+            if isinstance(result, Generator):
+                self.scheduler.start(result, call)
+            else:
+                call.respond(result)
         except RequestError as error:
             call.refuse(str(error))
         except Exception as error:
             _log.exception("a service failed")
             call.refuse(f"internal error: {error!r}")
-        else:
-            if isinstance(result, Generator):
-                self.scheduler.start(result, call)
-            else:
-                call.respond(result)
 
     def pause(self) -> None:
         """Stops simulated time at the current boundary."""
@@ -257,16 +264,16 @@ class Loop:
         """Takes steps with updates before each, until `target`, a due step, a posted call or the time `until`."""
         simulation, empty = self.simulation, self.inbox.empty
         data = simulation.data
-        xfrc, qfrc, qvel, override = data.xfrc_applied, data.qfrc_applied, data.qvel, self.velocity_override
+        xfrc, qfrc = data.xfrc_applied, data.qfrc_applied
         while True:
             xfrc.fill(0.0)
             qfrc.fill(0.0)
-            override.fill(np.nan)
+            if self._override is not None:
+                self._override.fill(np.nan)
             for stepper in self._active:
                 stepper.update()
-            wanted = np.isfinite(override)
-            if wanted.any():
-                qvel[wanted] = override[wanted]
+            if self._override is not None:
+                np.copyto(data.qvel, self._override, where=np.isfinite(self._override))
             divergence = simulation.advance(1)
             step = simulation.step
             if divergence is not None or step >= target or step >= self.scheduler.next_due or not self._active:

@@ -3,7 +3,6 @@
 import heapq
 import itertools
 import logging
-import math
 from collections.abc import Callable, Generator
 from fractions import Fraction
 from typing import Any, Protocol
@@ -61,24 +60,34 @@ class Timer:
 
     Firing k comes at the first step boundary at or after k periods, so the phase error stays below one step and the
     mean rate is exact even where the period is no multiple of the time step.
+
+    Attributes:
+        callback: Called at each firing.
+        wanted: Asked at each firing; if it returns False the timer sleeps, and costs nothing, until it is woken.
+        due: The step of the next firing.
+        asleep: Whether the timer sleeps.
+        cancelled: Whether the timer was cancelled.
     """
 
-    def __init__(self, period_steps: Fraction, callback: Callable[[], None], start: int) -> None:
-        self._period = period_steps
+    def __init__(
+        self, period_steps: Fraction, callback: Callable[[], None], wanted: Callable[[], bool] | None, start: int
+    ) -> None:
         self.callback = callback
+        self.wanted = wanted
+        self.asleep = False
         self.cancelled = False
+        self._num, self._den = period_steps.numerator, period_steps.denominator
         self.rephase(start)
 
     def rephase(self, start: int) -> None:
         """Counts the periods from the boundary `start` on."""
         self._start = start
-        self._firings = 0
-        self.advance()
+        self.due_after(start)
 
-    def advance(self) -> None:
-        """Moves on to the next firing."""
-        self._firings += 1
-        self.due = self._start + math.ceil(self._firings * self._period)
+    def due_after(self, step: int) -> None:
+        """Makes the first firing after `step` the next one, in the same phase."""
+        periods = (step - self._start) * self._den // self._num + 1
+        self.due = self._start - (-periods * self._num // self._den)
 
     def cancel(self) -> None:
         """Stops the timer for good."""
@@ -96,9 +105,10 @@ class Job:
     def resume(self) -> Wait | None:
         """Runs to the next wait and returns it; None means that the request has been answered."""
         try:
-            return next(self._generator)
-        except StopIteration as stop:
-            self._answer.respond(stop.value)
+            try:
+                return next(self._generator)
+            except StopIteration as stop:
+                self._answer.respond(stop.value)
         except RequestError as error:
             self._answer.refuse(str(error))
         except Exception as error:
@@ -133,7 +143,13 @@ class Scheduler:
         self._timers: dict[Timer, int] = {}
         self._jobs: dict[Job, None] = {}
 
-    def every(self, period_steps: Fraction, callback: Callable[[], None], start: int) -> Timer:
+    def every(
+        self,
+        period_steps: Fraction,
+        callback: Callable[[], None],
+        start: int,
+        wanted: Callable[[], bool] | None = None,
+    ) -> Timer:
         """Starts a timer.
 
         Args:
@@ -141,12 +157,20 @@ class Scheduler:
                 step.
             callback: Called at each firing.
             start: The boundary from which the periods count.
+            wanted: If it returns False when the timer fires, the timer sleeps until `wake`.
         """
-        timer = Timer(max(period_steps, Fraction(1)), callback, start)
+        timer = Timer(max(period_steps, Fraction(1)), callback, wanted, start)
         order = next(self._order)
         self._timers[timer] = order
         self._push_timer(order, timer)
         return timer
+
+    def wake(self, timer: Timer, step: int) -> None:
+        """Lets a sleeping timer go on at `step`, in its old phase; a timer that does not sleep is left alone."""
+        if timer.asleep and not timer.cancelled:
+            timer.asleep = False
+            timer.due_after(step)
+            self._push_timer(self._timers[timer], timer)
 
     def start(self, generator: Slow, answer: Answer) -> None:
         """Runs a slow service to its first wait and keeps it until it has answered."""
@@ -173,6 +197,7 @@ class Scheduler:
         self._heap.clear()
         self.next_due = NEVER
         for timer, order in self._timers.items():
+            timer.asleep = False
             timer.rephase(step)
             self._push_timer(order, timer)
 
@@ -181,13 +206,15 @@ class Scheduler:
         self.next_due = self._heap[0][0]
 
     def _push_timer(self, order: int, timer: Timer) -> None:
-        def fire(_: int) -> None:
+        def fire(step: int) -> None:
             if timer.cancelled:
                 del self._timers[timer]
-                return
-            timer.advance()
-            self._push_timer(order, timer)
-            timer.callback()
+            elif timer.wanted is not None and not timer.wanted():
+                timer.asleep = True
+            else:
+                timer.due_after(timer.due)
+                self._push(timer.due, order, fire)
+                timer.callback()
 
         self._push(timer.due, order, fire)
 

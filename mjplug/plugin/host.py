@@ -44,8 +44,6 @@ class Host:
         logger: Logs under `mjplug.instance.<name>`.
         model: The compiled model. Fixed for the life of the plugin.
         data: The live state. What `init` caches of its arrays stays valid.
-        velocity_override: Shape (nv,); in `update`, a finite entry becomes that DOF's velocity in `qvel` right before
-            the step, and NaN leaves it to physics. NaN-filled before the first plugin's update of each step.
         random: Random numbers of this instance, seeded by `sim.seed` and its name.
 
     Args:
@@ -71,7 +69,6 @@ class Host:
         self.logger = logging.getLogger(f"{LOGGER}.{name}")
         self.model: mujoco.MjModel = loop.simulation.model
         self.data: mujoco.MjData = loop.simulation.data
-        self.velocity_override: NDArray[np.float64] = loop.velocity_override
         self.random = np.random.default_rng([seed, *name.encode()])
         self._loop = loop
         self._transport = transport
@@ -79,6 +76,7 @@ class Host:
         self._disable_on_error = disable_on_error
         self._disabled = ""
         self._stepper: Stepper | None = None
+        self._sleepers: dict[Publisher[Any], list[Timer]] = {}
 
     @property
     def step(self) -> int:
@@ -94,6 +92,14 @@ class Host:
     def time_ns(self) -> int:
         """Simulated time [ns]."""
         return self._loop.simulation.time_ns
+
+    @property
+    def velocity_override(self) -> NDArray[np.float64]:
+        """Shape (nv,); what `update` writes here becomes that DOF's velocity in `qvel` right before the step.
+
+        NaN leaves it to physics; all entries are NaN before the first plugin's update of each step.
+        """
+        return self._loop.velocity_override
 
     def now(self) -> Time:
         """Returns the simulated time as a message, for stamps."""
@@ -158,9 +164,18 @@ class Host:
         Raises:
             PluginError: The name breaks ROS's rules.
         """
-        post = self._loop.inbox.post
-        notify = (lambda: post(self._guarded(on_matched))) if on_matched else None
-        return self._transport.open_publisher(Topic(self.full_name(name), type, qos), notify)
+        sleepers: list[Timer] = []
+
+        def appeared() -> None:
+            for timer in sleepers:
+                self._loop.scheduler.wake(timer, self.step)
+            if on_matched is not None:
+                self._guarded(on_matched)()
+
+        topic = Topic(self.full_name(name), type, qos)
+        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(appeared))
+        self._sleepers[publisher] = sleepers
+        return publisher
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
         """Declares a topic that the plugin reads; only the newest `qos.depth` messages since the last step are delivered.
@@ -210,16 +225,30 @@ class Host:
             ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
         )
 
-    def create_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+    def create_timer(
+        self, period: float, callback: Callable[[], None], while_matched: Publisher[Any] | None = None
+    ) -> Timer:
         """Calls back every `period` [s] of simulated time, first after one period; a reset restarts the phase.
+
+        Args:
+            period: Positive; it need not be a multiple of the time step.
+            callback: Called on the physics thread.
+            while_matched: A publisher of this host: while nobody listens to it, the timer sleeps and costs nothing.
 
         Raises:
             PluginError: The period is not a positive finite number.
         """
         if not 0 < period < float("inf"):
             raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
-        simulation = self._loop.simulation
-        return self._loop.scheduler.every(simulation.time.steps_per(period), self._guarded(callback), simulation.step)
+        loop, simulation = self._loop, self._loop.simulation
+        steps = simulation.time.steps_per(period)
+        if while_matched is None:
+            return loop.scheduler.every(steps, self._guarded(callback), simulation.step)
+        timer = loop.scheduler.every(
+            steps, self._guarded(callback), simulation.step, wanted=lambda: while_matched.matched
+        )
+        self._sleepers[while_matched].append(timer)
+        return timer
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""

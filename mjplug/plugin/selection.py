@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mjplug.config.load import Loaded
+from mjplug.config.draft import Draft, Loaded
 from mjplug.config.problem import Problem
-from mjplug.errors import ConfigError, PluginError, UnknownName
+from mjplug.errors import PluginError, UnknownName
 from mjplug.plugin import registry
 from mjplug.plugin.plugin import Parameters, Plugin
 
@@ -22,28 +22,26 @@ class Selected:
     parameters: Parameters
 
 
-def select(loaded: Loaded) -> list[Selected]:
-    """Returns what the configuration wants to run, in its order.
+def select(draft: Draft) -> tuple[Loaded, list[Selected]]:
+    """Checks the plugin entries and returns the finished configuration with what it wants to run, in its order.
 
     The folder of the configuration file may hold modules for `module:Class` types.
 
     Raises:
-        ConfigError: Unknown types or wrong parameters, all of them.
+        ConfigError: Anything is wrong with the configuration, unknown plugin types and wrong parameters included.
     """
-    if str(loaded.folder) not in sys.path:
-        sys.path.append(str(loaded.folder))
+    if str(draft.folder) not in sys.path:
+        sys.path.append(str(draft.folder))
     selected: list[Selected] = []
     problems: list[Problem] = []
-    for name, entry in loaded.settings.plugins.items():
+    for name, entry in draft.plugins.items():
         try:
             plugin_class = registry.find(entry.type)
             parameters = plugin_class.parameters_type.model_validate(entry.parameters)
         except (UnknownName, PluginError) as error:
-            problems.append(loaded.problem(("plugins", name, "type"), str(error)))
+            problems.append(draft.problem(("plugins", name, "type"), str(error)))
         except ValidationError as error:
-            problems += loaded.explain(error, ("plugins", name))
+            problems += draft.explain(error, ("plugins", name), plugin_class.parameters_type)
         else:
             selected.append(Selected(name, plugin_class, parameters))
-    if problems:
-        raise ConfigError(problems)
-    return selected
+    return draft.finish(problems), selected

@@ -24,7 +24,7 @@ def offer(host: Host, loop: Loop, rate: float) -> None:
 
     clock = host.create_publisher(Clock, "/clock", CLOCK, on_matched=tick)
     epoch = host.create_publisher(UInt64, "~/epoch", LATCHED)
-    host.create_timer(1.0 / rate, tick)
+    host.create_timer(1.0 / rate, tick, while_matched=clock)
     loop.on_reset.append(after_reset)
     loop.on_stepped.append(tick)
     epoch.publish(UInt64(data=host.epoch))

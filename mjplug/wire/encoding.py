@@ -98,7 +98,7 @@ class Decoder(Generic[M]):
         if form is None and name not in _UNSTATED:
             raise PayloadError(f"the encoding is {name!r}; application/cdr and application/json are accepted")
         if received.only not in (None, form):
-            raise PayloadError(f"the encoding is {name!r}; only JSON is accepted on this key")
+            raise PayloadError(f"the encoding is {name!r}; only {received.only.upper()} is accepted on this key")
         if name in _FORMS and schema not in self._names:
             raise PayloadError(f"the encoding says {schema!r}; {self._type.TYPE!r} is expected")
         return form

@@ -150,6 +150,8 @@ class _Plan:
             _TakenError: One of the endpoints is.
             WireError: Anything else went wrong.
         """
+        if role == "client" and not connect:
+            raise WireError("mode client needs an endpoint to connect to; give one with --connect")
         for endpoint in connect:
             with self.visit(endpoint) as visitor:
                 if visitor is not None:

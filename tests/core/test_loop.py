@@ -243,3 +243,25 @@ def test_the_run_can_be_stopped_from_the_inbox(arm_world):
     arm_world.loop.inbox.post(arm_world.loop.stop)
     arm_world.loop.run()
     assert arm_world.simulation.step <= 1
+
+
+def test_a_handler_that_returns_what_is_no_response_hurts_only_its_client(arm_world, caplog):
+    class Picky:
+        request, parameters, refusals = String(), {}, []
+
+        def respond(self, response):
+            raise TypeError("not a response")
+
+        def refuse(self, reason):
+            self.refusals.append(reason)
+
+    def slow():
+        yield 2
+        return None
+
+    call = Picky()
+    arm_world.loop.serve(call, lambda request, call: None)
+    arm_world.loop.serve(call, lambda request, call: slow())
+    arm_world.loop.step(5)
+    assert call.refusals == ["internal error: TypeError('not a response')"] * 2
+    assert arm_world.simulation.step == 5

@@ -184,3 +184,21 @@ def test_a_reset_restarts_the_phase_of_every_timer():
     for now in range(8, 20):
         scheduler.run_due(now)
     assert fired == [5, 12, 17]
+
+
+def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
+    scheduler, fired, wanted, now = Scheduler(), [], [True], 0
+    timer = scheduler.every(Fraction(10, 3), lambda: fired.append(now), 0, wanted=lambda: wanted[0])
+    for now in range(1, 8):
+        scheduler.run_due(now)
+    wanted[0] = False
+    for now in range(8, 30):
+        scheduler.run_due(now)
+    assert fired == [4, 7]
+    assert scheduler.next_due == NEVER
+    wanted[0] = True
+    scheduler.wake(timer, 29)
+    scheduler.wake(timer, 29)
+    for now in range(30, 41):
+        scheduler.run_due(now)
+    assert fired == [4, 7, 30, 34, 37, 40]

@@ -9,7 +9,7 @@ from mjplug.errors import RequestError
 from mjplug.plugin import Host, Parameters, Plugin
 from mjplug.transport import Call
 from mjplug_plugins.external_wrench import markers
-from mjplug_plugins.external_wrench.wrench import Wrench, apply, parse
+from mjplug_plugins.external_wrench.wrench import Wrench, parse
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.visualization_msgs import MarkerArray
@@ -48,9 +48,9 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         """Adds the active wrenches to `xfrc_applied`, at the poses of this very step."""
         host = self._host
         host.kinematics()
-        step, data = host.step, host.data
+        step, timestep = host.step, self._timestep
         for wrench in self._active:
-            apply(data, wrench, wrench.scale((step - wrench.start) * self._timestep))
+            wrench.apply((step - wrench.start) * timestep)
         if step >= self._next_markers:
             self._show()
 

@@ -1,0 +1,86 @@
+"""Servers to talk to. Each is a process of its own; those that tests share stand still between requests."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli.client import Client
+from cli.process import Served, run
+
+WORLD = Path(__file__).parent / "world"
+
+
+@pytest.fixture
+def cli(tmp_path):
+    """Runs `mjplug` with some arguments to its end, in an empty folder."""
+
+    def cli(*arguments, cwd=tmp_path, **options):
+        return run(*arguments, cwd=cwd, **options)
+
+    return cli
+
+
+@pytest.fixture
+def serve(tmp_path):
+    """Starts servers, in an empty folder, and sees to their end."""
+    servers = []
+
+    def serve(*arguments, cwd=tmp_path, **options):
+        servers.append(Served(*arguments, cwd=cwd, **options))
+        return servers[-1]
+
+    yield serve
+    for server in servers:
+        server.kill()
+
+
+@pytest.fixture
+def connect():
+    """Opens clients, and closes them."""
+    clients = []
+
+    def connect(server):
+        clients.append(Client(server.endpoint))
+        return clients[-1]
+
+    yield connect
+    for client in clients:
+        client.session.close()
+
+
+class World:
+    """A server that stands still, so that a test decides about every step."""
+
+    def __init__(self, server, client):
+        self.server = server
+        self.client = client
+
+    def step(self, count=1):
+        self.client.do("mjplug/step_simulation", steps=count)
+
+    def state(self):
+        return json.loads(self.client.do("probe/state"))
+
+    def send_push(self, *wrenches, parameters=""):
+        request = {"wrenches": {"external_wrenches": [*wrenches]}}
+        return self.client.request(f"external_wrench/apply_wrench{parameters}", **request)
+
+
+@pytest.fixture(scope="session")
+def standing():
+    server = Served(
+        "scene.xml", "--paused", "--plugin", "external_wrench", "--plugin", "heartbeat",
+        "--plugin", "probe:Probe:probe", cwd=WORLD,
+    )  # fmt: skip
+    with Client(server.endpoint) as client:
+        yield World(server, client)
+    server.kill()
+
+
+@pytest.fixture
+def world(standing):
+    """The shared server, paused at its initial state."""
+    assert standing.server.running
+    standing.client.do("mjplug/set_pause", paused=True)
+    standing.client.do("mjplug/reset_world")
+    return standing

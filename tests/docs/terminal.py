@@ -1,0 +1,174 @@
+"""Does what a reader does with a page: saves its files in a folder, types its commands, runs its scripts."""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from docs.markdown import ROOT, blocks_of
+
+PATIENCE = 20.0
+"""How long a command of the documentation may take [s]."""
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+"""What the pages say; the tests put a free port in its place."""
+
+ANY_PORT = "tcp/127.0.0.1:0"
+
+_LISTENING = re.compile(r"ready · (\S+)")
+_SPEAKS = re.compile(r"(tcp|udp|tls|quic|ws)/[\w.-]+:\d+")
+
+
+@dataclass(frozen=True)
+class Command:
+    """A line such as `$ MJPLUG_SIM__SPEED=2 mjplug serve robot.yaml   # twice as fast`."""
+
+    environment: dict[str, str]
+    words: list[str]
+
+    @classmethod
+    def parse(cls, line: str) -> "Command":
+        assert line.startswith("$ "), f"not a command: {line!r}"
+        words = shlex.split(line[2:], comments=True)
+        environment = {}
+        while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):
+            name, _, value = words.pop(0).partition("=")
+            environment[name] = value
+        return cls(environment, words)
+
+    @property
+    def serves(self) -> bool:
+        """Whether it starts a server that runs until it is stopped."""
+        return self.words[:2] == ["mjplug", "serve"] and not {"--check", "--duration", "--help"} & {*self.words}
+
+
+@dataclass
+class Server:
+    """A running server, and what it has printed up to the line with `ready`."""
+
+    process: "subprocess.Popen[str]"
+    printed: str
+    endpoint: str
+
+
+@dataclass
+class Reader:
+    """One reader at one page: a folder with the files that the page shows, and a terminal in it.
+
+    Attributes:
+        page: The page.
+        folder: The folder.
+        servers: The servers that this reader has started, by command line.
+    """
+
+    page: str
+    folder: Path
+    servers: dict[str, Server] = field(default_factory=dict)
+
+    def save_files(self) -> None:
+        for block in blocks_of(self.page):
+            if block.file:
+                path = self.folder / block.file
+                assert not path.exists(), f"{block.name}: {block.file} is shown twice"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(block.text, encoding="utf-8")
+        (self.folder / "examples").symlink_to(ROOT / "examples")
+
+    def run(self, command: Command) -> "subprocess.CompletedProcess[str]":
+        """Runs a command of the page that ends by itself; what it prints on both streams comes as one text."""
+        return subprocess.run(
+            [sys.executable, "-m", *_local(command.words)],
+            cwd=self.folder,
+            env=_environment(command),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+
+    def script(self, text: str, name: str) -> "subprocess.CompletedProcess[str]":
+        """Runs Python; a warning is an error."""
+        path = self.folder / name
+        path.write_text(text, encoding="utf-8")
+        return subprocess.run(
+            [sys.executable, "-W", "error", str(path)],
+            cwd=self.folder,
+            env=_environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+
+    def server(self, line: str) -> Server:
+        """Returns the server that a command line starts, started now if it is not yet running."""
+        if line not in self.servers:
+            self.servers[line] = self._start(Command.parse(line))
+        return self.servers[line]
+
+    def leave(self) -> None:
+        """Stops the servers with Ctrl-C, after which each must end well."""
+        for server in self.servers.values():
+            server.process.send_signal(signal.SIGINT)
+        codes = {line: server.process.wait(PATIENCE) for line, server in self.servers.items()}
+        for server in self.servers.values():
+            assert server.process.stdout is not None
+            server.process.stdout.close()
+        self.servers.clear()
+        assert not any(codes.values()), codes
+
+    def _start(self, command: Command) -> Server:
+        process = subprocess.Popen(
+            [sys.executable, "-m", *_local(command.words)],
+            cwd=self.folder,
+            env=_environment(command),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        alarm = threading.Timer(PATIENCE, process.kill)
+        alarm.start()
+        printed = ""
+        assert process.stdout is not None
+        for text in process.stdout:
+            printed += text
+            if found := _LISTENING.search(text):
+                alarm.cancel()
+                return Server(process, printed, found[1])
+        alarm.cancel()
+        raise AssertionError(f"the server ended ({process.wait()}) without getting ready:\n{printed}")
+
+
+def commands(console: str) -> list[str]:
+    """Returns the command lines of a console block; what they print belongs in a block of its own."""
+    return [line.rstrip() for line in console.replace("\\\n", " ").splitlines() if line.strip()]
+
+
+def matches(printed: str, expected: str) -> bool:
+    """Whether an output is as a page shows it, where `...` stands for anything, on a line of its own for any lines."""
+    pattern = "".join(
+        r"(?:.*\n)*" if line.strip() == "..." else re.escape(line.rstrip()).replace(r"\.\.\.", ".*") + "\n"
+        for line in expected.splitlines()
+    )
+    text = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
+    return re.fullmatch(pattern, text) is not None
+
+
+def _local(words: list[str]) -> list[str]:
+    """Keeps a server off other machines and fixed ports."""
+    words = [_SPEAKS.sub(ANY_PORT, word) for word in words]
+    if words[:2] == ["mjplug", "serve"] and not {"--listen", "-l"} & {*words}:
+        words += ["--listen", ANY_PORT]
+    return words
+
+
+def _environment(command: Command | None = None) -> dict[str, str]:
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("MJPLUG_")}
+    return {**kept, "PYTHONUNBUFFERED": "1", "COLUMNS": "100", **(command.environment if command else {})}

@@ -1,0 +1,111 @@
+"""Frames must be, byte for byte, what the message itself encodes to."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mjplug.errors import UnknownName
+from mjplug.frame import CdrFrame
+from mjplug_schemas.builtin_interfaces import Time
+from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion
+from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray
+from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.std_msgs import Bool, Float32MultiArray, Header, String
+
+TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
+NUMBER = st.floats(allow_nan=False)
+STAMP = st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1)
+
+
+@given(st.lists(st.tuples(TEXT, NUMBER, NUMBER, NUMBER), max_size=8), TEXT, STAMP)
+def test_a_joint_state_frame_equals_the_encoded_message(joints, frame_id, time_ns):
+    names = tuple(name for name, *_ in joints)
+    zeros = (0.0,) * len(joints)
+    frame = CdrFrame(
+        JointState(header=Header(frame_id=frame_id), name=names, position=zeros, velocity=zeros, effort=zeros)
+    )
+    columns = {
+        field: tuple(joint[i] for joint in joints) for i, field in enumerate(("position", "velocity", "effort"), 1)
+    }
+    for field, values in columns.items():
+        frame.view(field)[:] = values
+    frame.set_stamp("header.stamp", time_ns)
+
+    stamp = Time(sec=time_ns // 10**9, nanosec=time_ns % 10**9)
+    expected = JointState(header=Header(stamp=stamp, frame_id=frame_id), name=names, **columns)
+    assert frame.payload() == expected.to_cdr()
+    assert JointState.from_cdr(frame.payload()) == expected
+
+
+@given(st.lists(st.tuples(TEXT, *[NUMBER] * 3), min_size=1, max_size=5))
+def test_slots_write_numbers_that_lie_between_texts(bodies):
+    frame = CdrFrame(FreeJointStateArray(free_joints=tuple(FreeJointState(name=name) for name, *_ in bodies)))
+    slots = frame.slots(f"free_joints[{i}].pose.pose.position" for i in range(len(bodies)))
+    assert len(slots) == 3 * len(bodies)
+    slots.write(np.array([numbers for _, *numbers in bodies]).ravel())
+
+    expected = FreeJointStateArray(
+        free_joints=tuple(
+            FreeJointState(name=name, pose=PoseStamped(pose=Pose(position=Point(x=x, y=y, z=z))))
+            for name, x, y, z in bodies
+        )
+    )
+    assert frame.payload() == expected.to_cdr()
+
+
+def test_a_struct_of_numbers_is_one_view():
+    frame = CdrFrame(FreeJointStateArray(free_joints=(FreeJointState(name="a"), FreeJointState(name="bcd"))))
+    pose = frame.view("free_joints[1].pose.pose")
+    pose[:] = [1, 2, 3, 0.5, 0.5, 0.5, 0.5]
+    body = FreeJointStateArray.from_cdr(frame.payload()).free_joints[1]
+    assert body.pose.pose == Pose(position=Point(x=1, y=2, z=3), orientation=Quaternion(x=0.5, y=0.5, z=0.5, w=0.5))
+
+
+@pytest.mark.parametrize("length", range(1, 9))
+def test_numbers_are_aligned_whatever_the_texts_before_them(length):
+    frame = CdrFrame(JointState(header=Header(frame_id="f" * length), name=("n" * length,), position=(1.0,)))
+    view = frame.view("position")
+    assert view.flags.aligned
+    assert view.ctypes.data % 8 == 0
+    assert view.tolist() == [1.0]
+
+
+def test_views_have_the_type_of_the_field():
+    frame = CdrFrame(Float32MultiArray(data=(1.5, 2.5)))
+    assert frame.view("data").dtype == np.float32
+    assert CdrFrame(Bool(data=True)).view("data").tolist() == [True]
+    frame = CdrFrame(JointState())
+    assert frame.view("header.stamp.nanosec").dtype == np.uint32
+    assert frame.view("position").shape == (0,)
+
+
+def test_a_payload_is_a_copy():
+    frame = CdrFrame(JointState(position=(1.0,)))
+    before = frame.payload()
+    frame.view("position")[0] = 2.0
+    assert JointState.from_cdr(before).position == (1.0,)
+    assert JointState.from_cdr(frame.payload()).position == (2.0,)
+
+
+def test_an_unknown_field_is_named_with_a_suggestion():
+    frame = CdrFrame(JointState(position=(1.0,)))
+    with pytest.raises(UnknownName, match="unknown field 'postion', did you mean 'position'"):
+        frame.view("postion")
+    with pytest.raises(UnknownName, match="unknown stamp 'stamp'; known: header.stamp"):
+        frame.set_stamp("stamp", 0)
+
+
+def test_text_and_mixed_structs_are_no_numbers():
+    with pytest.raises(TypeError, match="'data' holds string; a view needs numbers of one type"):
+        CdrFrame(String(data="x")).view("data")
+    with pytest.raises(TypeError, match="'header.stamp' holds int32 and uint32"):
+        CdrFrame(JointState()).view("header.stamp")
+
+
+def test_a_stamp_that_does_not_fit_is_refused():
+    frame = CdrFrame(JointState())
+    with pytest.raises(struct.error):
+        frame.set_stamp("header.stamp", 2**31 * 10**9)
