@@ -169,7 +169,7 @@ class Loop:
         reset.apply(self.simulation)
         self._give_up_goals("cancelled: the world was reset")
         self.scheduler.close_jobs("cancelled: the world was reset")
-        self._clear_inputs()
+        self.simulation.clear_forces()
         for stepper in self._steppers:
             stepper.on_reset()
         self.scheduler.rephase(self.simulation.step)
@@ -247,7 +247,7 @@ class Loop:
         simulation, began = self.simulation, perf_counter()
         first, target = simulation.step, min(target, self.last_step)
         if self._active:
-            divergence = self._step_actively(target, began + BATCH_SECONDS)
+            divergence = self._step_actively(min(target, first + self._batch))
         else:
             steps = min(target, self.scheduler.next_due) - first
             divergence = simulation.advance(min(steps, self._batch))
@@ -260,36 +260,28 @@ class Loop:
         self._run_due()
         return True
 
-    def _step_actively(self, target: int, until: float) -> Divergence | None:
-        """Takes steps with updates before each, until `target`, a due step, a posted call or the time `until`."""
-        simulation, empty = self.simulation, self.inbox.empty
-        data = simulation.data
-        xfrc, qfrc = data.xfrc_applied, data.qfrc_applied
+    def _step_actively(self, target: int) -> Divergence | None:
+        """Takes steps with updates before each, until `target`, a due step or a posted call."""
+        simulation, scheduler, nothing_posted = self.simulation, self.scheduler, self.inbox.empty
         while True:
-            xfrc.fill(0.0)
-            qfrc.fill(0.0)
+            simulation.clear_forces()
             if self._override is not None:
                 self._override.fill(np.nan)
             for stepper in self._active:
                 stepper.update()
             if self._override is not None:
-                np.copyto(data.qvel, self._override, where=np.isfinite(self._override))
+                np.copyto(simulation.data.qvel, self._override, where=np.isfinite(self._override))
             divergence = simulation.advance(1)
             step = simulation.step
-            if divergence is not None or step >= target or step >= self.scheduler.next_due or not self._active:
+            if divergence is not None or step >= target or step >= scheduler.next_due:
                 return divergence
-            if not empty() or perf_counter() > until:
+            if not self._active or not nothing_posted():
                 return None
 
     def _set_active(self, active: set[Stepper]) -> None:
         self._active = tuple(s for s in self._steppers if s in active)
         if not self._active:
-            self._clear_inputs()
-
-    def _clear_inputs(self) -> None:
-        data = self.simulation.data
-        data.xfrc_applied.fill(0.0)
-        data.qfrc_applied.fill(0.0)
+            self.simulation.clear_forces()
 
     def _give_up_goals(self, reason: str) -> None:
         goals, self._goals = self._goals, deque()

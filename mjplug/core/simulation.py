@@ -2,16 +2,17 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mjplug.core import divergence
 from mjplug.core.divergence import Divergence
+from mjplug.core.memory import Cleared, Saved
 from mjplug.core.step_time import StepTime
 from mjplug.errors import MjplugError, ModelError, UnknownName
 
-Array = NDArray[np.float64]
-
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_QPOS = int(mujoco.mjtWarning.mjWARN_BADQPOS)
+_QVEL = int(mujoco.mjtWarning.mjWARN_BADQVEL)
+_QACC = int(mujoco.mjtWarning.mjWARN_BADQACC)
 
 
 class Simulation:
@@ -51,11 +52,12 @@ class Simulation:
         mujoco.mj_forward(model, self.data)
         size = mujoco.mj_stateSize(model, _STATE)
         self._initial = np.empty(size)
-        self._before = np.empty(size)
+        self._before_batch = np.empty(size)
+        self._before_step = Saved((self.data.qpos, self.data.qvel, self.data.act))
+        self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
-        self._warnings: NDArray[np.int32] = self.data.warning.number
-        self._known_warnings = self._warnings.tobytes()
+        self._warnings = memoryview(self.data.warning.number)
 
     @property
     def time_ns(self) -> int:
@@ -72,16 +74,21 @@ class Simulation:
             None when all went well. Otherwise what diverged; the state and the step count are then those before the
             very step that went wrong.
         """
-        model, data = self.model, self.data
-        mujoco.mj_getState(model, data, self._before, _STATE)
+        model, data, warnings = self.model, self.data, self._warnings
+        if steps == 1:
+            self._before_step.save()
+        else:
+            mujoco.mj_getState(model, data, self._before_batch, _STATE)
         mujoco.mj_step(model, data, steps)
         self._kinematics_current = False
-        if self._warnings.tobytes() != self._known_warnings:
-            found = self._inspect(steps)
-            if found is not None:
-                return found
+        if warnings[_QPOS] or warnings[_QVEL] or warnings[_QACC]:
+            return self._rewind(steps)
         self.step += steps
         return None
+
+    def clear_forces(self) -> None:
+        """Sets `xfrc_applied` and `qfrc_applied` to zero."""
+        self._forces.clear()
 
     def kinematics(self) -> None:
         """Brings body, geom and site poses up to the current positions.
@@ -113,7 +120,6 @@ class Simulation:
         else:
             mujoco.mj_resetDataKeyframe(model, data, keyframe)
         data.time = self.time.seconds(self.step)
-        self._known_warnings = self._warnings.tobytes()
         self._kinematics_current = False
 
     def keyframes(self) -> list[str]:
@@ -154,32 +160,23 @@ class Simulation:
         names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
         return [name for name in names if name]
 
-    def _inspect(self, steps: int) -> Divergence | None:
-        """Finds out whether a changed warning counter means divergence, and at which of the last `steps` steps it came.
+    def _rewind(self, steps: int) -> Divergence:
+        """Goes back to before the step that went wrong, and says what it was.
 
-        A batch is replayed step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong
-        again.
+        A batch is repeated step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong again.
         """
-        model, data = self.model, self.data
-        found = divergence.find(model, data)
-        if found is not None and steps > 1:
-            self._rewind()
+        found = divergence.find(self.model, self.data)
+        if steps > 1:
+            mujoco.mj_setState(self.model, self.data, self._before_batch, _STATE)
+            divergence.clear(self.data)
             for _ in range(steps):
-                mujoco.mj_getState(model, data, self._before, _STATE)
-                mujoco.mj_step(model, data)
-                found = divergence.find(model, data)
+                found = self.advance(1)
                 if found is not None:
-                    break
-                self.step += 1
-            else:
-                raise MjplugError(
-                    "a diverging batch of steps did not diverge when it was repeated: MuJoCo was not deterministic"
-                )
-        if found is not None:
-            self._rewind()
-        self._known_warnings = self._warnings.tobytes()
-        return found
-
-    def _rewind(self) -> None:
-        mujoco.mj_setState(self.model, self.data, self._before, _STATE)
+                    return found
+            raise MjplugError("a batch of steps diverged, but not when it was repeated: MuJoCo was not deterministic")
+        if found is None:
+            raise MjplugError("MuJoCo counted a bad state that it does not name")
+        self._before_step.restore()
+        self.data.time = self.time.seconds(self.step)
         divergence.clear(self.data)
+        return found
