@@ -13,8 +13,9 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 _INTRODUCTION = """# Benchmarks
 
-Written by `make bench`. Ours and the other are measured in turn within one run, since machines are shared and their speed drifts; the
-ratio is the median over the pairs, with the smallest and the largest in brackets. Absolute figures are of one machine on one day.
+Written by `make bench`. Ours and the other are measured in turn within one run, since machines are shared and their
+speed drifts; the ratio is the median over the pairs, with the smallest and the largest in brackets. Absolute figures
+are of one machine on one day.
 """
 
 

@@ -15,7 +15,7 @@ SECONDS, PERIOD = 2.0, 0.001
 
 
 def _p99_in_thread(work: Callable[[list[float]], None]) -> float:
-    """Runs in a thread of its own, with the server's thread settings; returns the 99th percentile of the lateness [µs]."""
+    """Runs in a thread with the server's settings; returns the 99th percentile of the lateness [µs]."""
     late: list[float] = []
 
     def run() -> None:

@@ -1,4 +1,4 @@
-"""Medians with their spread, of pairs measured in turn, so that a machine whose speed drifts still gives a fair ratio."""
+"""Medians with their spread, of pairs measured in turn, so that a drifting machine still gives a fair ratio."""
 
 import statistics
 from collections.abc import Callable
@@ -56,7 +56,8 @@ def pairs(
     measured = [(ours(), other()) for _ in range(repeats)]
     ratios = [a / b for a, b in measured]
     medians = [statistics.median(column) for column in zip(*measured, strict=True)]
-    return Result(what, unit.format(medians[0]), unit.format(medians[1]), statistics.median(ratios), min(ratios), max(ratios), goal)
+    shown = [unit.format(value) for value in medians]
+    return Result(what, *shown, statistics.median(ratios), min(ratios), max(ratios), goal)
 
 
 def figure(what: str, measure: Callable[[], float], goal: str, unit: str, repeats: int = 7) -> Result:

@@ -12,6 +12,7 @@ import zenoh
 
 from benchmarks.measure import Result, pairs
 from benchmarks.world import SMALL, client
+from mjplug.wire.endpoints import with_free_port
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 
 QUERIES = 300
@@ -63,18 +64,20 @@ def results() -> list[Result]:
     request = SetPause.Request(paused=False).to_cdr()
     answer = SetPause.Response(success=True, message="the simulation is already running").to_cdr()
     free = "tcp/127.0.0.1:0"
-    from mjplug.wire.endpoints import with_free_port  # noqa: PLC0415
-
     bare_arguments = ("-c", _BARE, with_free_port(free), answer.hex())
     served_arguments = ("-m", "mjplug", "serve", SMALL, "--listen", free)
-    with _process(*bare_arguments) as bare_at, _process(*served_arguments) as served_at:
-        with client(bare_at) as bare, client(served_at) as served:
-            return [
-                pairs(
-                    "round trip of set_pause while running in real time, against a bare Zenoh query",
-                    lambda: _round_trip(served, "mjplug/set_pause", request),
-                    lambda: _round_trip(bare, "bare", request),
-                    "<= 2",
-                    "{:.0f} µs",
-                )
-            ]
+    with (
+        _process(*bare_arguments) as bare_at,
+        _process(*served_arguments) as served_at,
+        client(bare_at) as bare,
+        client(served_at) as served,
+    ):
+        return [
+            pairs(
+                "round trip of set_pause while running in real time, against a bare Zenoh query",
+                lambda: _round_trip(served, "mjplug/set_pause", request),
+                lambda: _round_trip(bare, "bare", request),
+                "<= 2",
+                "{:.0f} µs",
+            )
+        ]

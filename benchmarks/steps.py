@@ -65,7 +65,7 @@ def results() -> list[Result]:
         for wrench, state, goal in ((False, "idle", ">= 0.95"), (True, "one active wrench", ">= 0.6")):
             found.append(
                 pairs(
-                    f"steps/s, {word} model ({uri}, {cost:.1f} µs a step), {state}, against bare mj_step(nstep=100)",
+                    f"steps/s, {word} model ({cost:.1f} µs a step), {state}, against bare mj_step(nstep=100)",
                     lambda uri=uri, steps=steps, wrench=wrench: _served_steps_per_second(uri, steps, wrench),
                     lambda model=model, steps=steps: bare_steps_per_second(model, steps),
                     goal,

@@ -32,7 +32,8 @@ ARM = """
         <geom type="capsule" size=".04" fromto="0 0 0 .4 0 0"/>
         <body name="slider" pos=".4 0 0"><joint name="extension" type="slide" axis="1 0 0" range="0 .2" limited="true"/>
           <geom type="sphere" size=".03"/></body></body></body>
-    <body name="pendulum" pos="3 0 2"><joint name="socket" type="ball"/><geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/></body>
+    <body name="pendulum" pos="3 0 2"><joint name="socket" type="ball"/>
+      <geom type="capsule" size=".05" fromto="0 0 0 0 0 -.5"/></body>
     <body name="cube" pos="1 1 .1"><freejoint name="cube_free"/><geom type="box" size=".1 .1 .1"/></body>
     <body name="brick" pos="-1 1 .1"><freejoint/><geom type="box" size=".1 .05 .1"/></body>
   </worldbody>

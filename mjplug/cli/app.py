@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from mjplug.cli import plugin, serve
+from mjplug.cli.plugin import app as plugin_app
+from mjplug.cli.serve import serve
 from mjplug.errors import ConfigError, MjplugError, ModelError, WireError
 
 EXIT_CODES: tuple[tuple[type[MjplugError], int], ...] = (
@@ -25,8 +26,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-app.command("serve")(serve.serve)
-app.add_typer(plugin.app)
+app.command()(serve)
+app.add_typer(plugin_app)
 
 
 def _print_version(wanted: bool) -> None:

@@ -38,9 +38,8 @@ def info(
     for name, field in fields.items():
         typer.echo(f"  {name} ({_type_name(field.annotation)}, {_default(field.default)})")
         typer.echo(f"      {field.description or ''}")
-    typer.echo(
-        f"\nIn a configuration file:\n\n  plugins:\n    my_{type.split('/')[-1].split(':')[-1].lower()}:\n      type: {type}"
-    )
+    instance = type.split("/")[-1].split(":")[-1].lower()
+    typer.echo(f"\nIn a configuration file:\n\n  plugins:\n    {instance}:\n      type: {type}")
     for name, field in fields.items():
         typer.echo(f"      {name}: {'...' if field.default is PydanticUndefined else _yaml(field.default)}")
 

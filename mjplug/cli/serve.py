@@ -35,14 +35,14 @@ def serve(
     speed: Annotated[str | None, typer.Option(metavar="FACTOR|max", help="Real-time factor, or max.")] = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option("--listen", "-l", help="Zenoh endpoint to listen on; tcp/127.0.0.1:0 takes a free port. Repeatable."),
+        typer.Option("--listen", "-l", help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable."),
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option("--connect", "-e", help="Zenoh endpoint to connect to. Repeatable.")
     ] = None,
     plugin: Annotated[
         list[str] | None,
-        typer.Option("--plugin", "-p", metavar="TYPE[:NAME]", help="Add a plugin with its default parameters. Repeatable."),
+        typer.Option("--plugin", "-p", metavar="TYPE[:NAME]", help="Add a plugin with default parameters. Repeatable."),
     ] = None,
     set_: Annotated[
         list[str] | None,
@@ -52,7 +52,7 @@ def serve(
         float | None, typer.Option(min=0.0, metavar="SECONDS", help="End after so much simulated time.")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Check configuration, model and plugins, then end; nothing goes on the network.")
+        bool, typer.Option("--check", help="Check configuration, model and plugins, then end; nothing is sent.")
     ] = False,
     verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Say more.")] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what is wrong.")] = False,
@@ -62,7 +62,6 @@ def serve(
     Everything in CONFIG can be overridden: --set beats the environment (MJPLUG_SIM__SPEED=2), which beats the file.
 
     Examples:
-
       mjplug serve config.yaml
 
       mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench
@@ -98,7 +97,7 @@ def _run(draft: Draft, duration: float | None, check: bool) -> None:
         model = load_model(settings.model, *loaded.folders(("model",)))
     simulation = Simulation(model.model, settings.sim.keyframe)
     if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
-        _log.info("starting from the model's default pose; it also has keyframes (--keyframe): %s", ", ".join(keyframes))
+        _log.info("the model starts in its default pose; --keyframe takes %s", ", ".join(keyframes))
     names = ", ".join(p.name for p in plugins) or "none"
     summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
     if check:
@@ -115,7 +114,7 @@ def _run(draft: Draft, duration: float | None, check: bool) -> None:
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}")
     try:
         server = Server(settings, simulation, network, plugins)
-        state = "paused" if settings.sim.paused else "speed max" if settings.sim.speed == "max" else f"speed {settings.sim.speed:g}"
+        state = "paused" if settings.sim.paused else f"speed {settings.sim.speed}"
         typer.echo(f"ready · {network.session.endpoint} · {summary} · {state}")
         sys.stdout.flush()
         with stopping_on_signals(server.loop):

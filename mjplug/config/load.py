@@ -163,7 +163,8 @@ def _ros_documents(main: _Main, origins: Origins, tree: Tree) -> tuple[list[Docu
         if is_ros_file(document.value):
             documents.append(document)
         else:
-            problems.append(origins.problem(path, f"{str(file)!r} is no ROS parameter file, it has no ros__parameters"))
+            message = f"{tree.get(path)!r} is no ROS parameter file, it has no ros__parameters"
+            problems.append(origins.problem(path, message))
     nodes = node_names(_text(tree, "namespace"), _text(tree, "node_name"))
     return [own_form(document, nodes) for document in documents], problems
 

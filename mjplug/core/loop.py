@@ -294,7 +294,8 @@ class Loop:
     def _recover(self, divergence: Divergence) -> bool:
         """Follows the divergence policy; returns whether stepping may go on."""
         simulation = self.simulation
-        report = f"the simulation diverged in step {simulation.step + 1} (t = {simulation.time_ns / 1e9:.6f} s): {divergence}"
+        when = f"step {simulation.step + 1} (t = {simulation.time_ns / 1e9:.6f} s)"
+        report = f"the simulation diverged in {when}: {divergence}"
         if self._on_divergence == "reset":
             _log.error("%s; the world is reset (sim.on_divergence: reset)", report)
             self.reset(Reset())

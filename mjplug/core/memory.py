@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 def doubles(array: NDArray[np.float64]) -> "memoryview[float]":
     """Returns a flat, writable view of the floats of a contiguous array."""
-    return memoryview(array).cast("B").cast("d")
+    return array.data.cast("B").cast("d")
 
 
 class Cleared:
     """Arrays that are set to zero again and again."""
 
     def __init__(self, arrays: Iterable[NDArray[np.float64]]) -> None:
-        views = [memoryview(array).cast("B") for array in arrays if array.size]
+        views = [array.data.cast("B") for array in arrays if array.size]
         self._pairs = [(view, bytes(len(view))) for view in views]
 
     def clear(self) -> None:
@@ -28,7 +28,7 @@ class Saved:
     """A copy of some arrays that can be put back."""
 
     def __init__(self, arrays: Iterable[NDArray[np.float64]]) -> None:
-        views = [memoryview(array).cast("B") for array in arrays if array.size]
+        views = [array.data.cast("B") for array in arrays if array.size]
         self._pairs = [(view, bytearray(view)) for view in views]
 
     def save(self) -> None:

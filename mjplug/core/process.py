@@ -17,7 +17,7 @@ SWITCH_INTERVAL = 1e-4
 """How long [s] another thread may keep the GIL from the physics thread; Python's 5 ms are many steps."""
 
 SLICE_NS = 100_000
-"""Scheduler slice of the physics thread [ns]; Linux 6.12 and later run a thread with a short one soon after it wakes."""
+"""Scheduler slice of the physics thread [ns]; Linux 6.12 and later run a thread with a short one soon."""
 
 _PR_SET_TIMERSLACK = 29
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
@@ -79,7 +79,7 @@ def _set_timer_slack() -> None:
 
 
 def _set_slice() -> None:
-    # struct sched_attr of Linux: u32 size, u32 policy, u64 flags, s32 nice, u32 priority, u64 runtime, u64 deadline, u64 period.
+    # struct sched_attr: u32 size, u32 policy, u64 flags, s32 nice, u32 priority, u64 runtime, u64 deadline, u64 period.
     attributes = struct.pack("=IIQiIQQQ", 48, 0, 0, os.getpriority(os.PRIO_PROCESS, 0), 0, SLICE_NS, 0, 0)
     if sys.platform != "linux":
         raise OSError("only Linux has sched_setattr")

@@ -57,7 +57,7 @@ class Simulation:
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
-        self._warnings = memoryview(self.data.warning.number)
+        self._warnings = self.data.warning.number.data
 
     @property
     def time_ns(self) -> int:
@@ -163,7 +163,8 @@ class Simulation:
     def _rewind(self, steps: int) -> Divergence:
         """Goes back to before the step that went wrong, and says what it was.
 
-        A batch is repeated step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong again.
+        A batch is repeated step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong
+        again.
         """
         found = divergence.find(self.model, self.data)
         if steps > 1:

@@ -1,6 +1,29 @@
-"""The public plugin API: what a plugin is, and what it may use of the server."""
+"""The public plugin API: everything that a plugin may use of the server."""
 
+from mjplug.core.memory import doubles
+from mjplug.core.scheduler import Event, Slow, Timer
+from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
 from mjplug.plugin.host import Host
 from mjplug.plugin.plugin import Parameters, Plugin
+from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
 
-__all__ = ["Host", "Parameters", "Plugin"]
+__all__ = [
+    "CLOCK",
+    "DEFAULT",
+    "LATCHED",
+    "LATEST",
+    "Call",
+    "Event",
+    "Host",
+    "MjplugError",
+    "Parameters",
+    "Plugin",
+    "PluginError",
+    "Publisher",
+    "QoS",
+    "RequestError",
+    "Slow",
+    "Timer",
+    "UnknownName",
+    "doubles",
+]

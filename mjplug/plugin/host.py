@@ -122,7 +122,7 @@ class Host:
         return self._loop.simulation.body_id(name)
 
     def kinematics(self) -> None:
-        """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; after a step they are one step older."""
+        """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; a step leaves them older."""
         self._loop.simulation.kinematics()
 
     def forward(self) -> None:
@@ -178,7 +178,7 @@ class Host:
         return publisher
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
-        """Declares a topic that the plugin reads; only the newest `qos.depth` messages since the last step are delivered.
+        """Declares a topic that the plugin reads; the newest `qos.depth` messages since the last step are delivered.
 
         Args:
             type: Message class.
@@ -279,4 +279,3 @@ class _Guarded:
     def __init__(self, update: Callable[[], None], on_reset: Callable[[], None]) -> None:
         self.update = update
         self.on_reset = on_reset
-

@@ -57,12 +57,12 @@ class Plugin(ABC, Generic[P]):
     def update(self) -> None:
         """Runs before every step while the plugin is active.
 
-        `data.xfrc_applied` and `data.qfrc_applied` are zero before the first plugin's update: add to them. Body poses are those of
-        the previous step until `host.kinematics()` is called.
+        `data.xfrc_applied` and `data.qfrc_applied` are zero before the first plugin's update: add to them. Body poses
+        are those of the previous step until `host.kinematics()` is called.
         """
 
     def on_reset(self) -> None:
-        """Runs after the world was reset: forget what belonged to the state before. Waiting requests are closed already."""
+        """Runs after the world was reset, and waiting requests were closed: forget what belonged to the past."""
 
     def cleanup(self) -> None:
         """Releases what `init` took, beyond what was created through the host."""

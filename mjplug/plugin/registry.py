@@ -17,7 +17,7 @@ def registered() -> dict[str, EntryPoint]:
 
 
 def find(type_name: str) -> type[Plugin[Any]]:
-    """Returns the plugin class of a name: `heartbeat`, `mujoco_ros2_control_plugins/ExternalWrenchPlugin`, `module:Class`.
+    """Returns the plugin class of a name: `heartbeat`, `mujoco_ros2_control_plugins/CameraPlugin`, `module:Class`.
 
     Raises:
         UnknownName: No such plugin is registered.

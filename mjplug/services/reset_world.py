@@ -3,8 +3,7 @@
 from mjplug.core import reset
 from mjplug.core.loop import Loop
 from mjplug.errors import RequestError
-from mjplug.plugin import Host
-from mjplug.transport import Call
+from mjplug.plugin import Call, Host
 from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 
 

@@ -2,8 +2,7 @@
 
 from mjplug.core import free_joint
 from mjplug.core.loop import Loop
-from mjplug.plugin import Host
-from mjplug.transport import Call
+from mjplug.plugin import Call, Host
 from mjplug_schemas.mujoco_ros2_control_msgs import SetFreeJointState
 
 

@@ -1,10 +1,7 @@
 """`~/step_simulation`: takes an exact number of steps from pause, at full speed."""
 
 from mjplug.core.loop import Loop
-from mjplug.core.scheduler import Slow
-from mjplug.errors import RequestError
-from mjplug.plugin import Host
-from mjplug.transport import Call
+from mjplug.plugin import Call, Host, RequestError, Slow
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 
 

@@ -1,14 +1,12 @@
 """The requests that wait for an answer: any thread may answer, once, and a stop refuses them all."""
 
 import logging
-from collections.abc import Callable, Mapping
-
-import zenoh
+from collections.abc import Mapping
 
 from mjplug.wire.dialect import Inquiry
 from mjplug.wire.encoding import Form, encode
 from mjplug.wire.refusal import refusal
-from mjplug.wire.rejections import Rejections
+from mjplug.wire.replies import Replies
 from mjplug_schemas.message import Message, Service
 
 _LOG = logging.getLogger(__name__)
@@ -51,7 +49,7 @@ class WireCall:
             )
         payload = encode(response, self._form)
         if inquiry := self._take():
-            self._open_calls.send(lambda: inquiry.reply(payload, self._form))
+            self._open_calls.replies.post(lambda: inquiry.reply(payload, self._form))
 
     def refuse(self, reason: str) -> None:
         """Answers that the request failed, unless the call has been answered."""
@@ -70,6 +68,9 @@ class WireCall:
 class OpenCalls:
     """The calls of one session that wait for an answer. Thread-safe.
 
+    Attributes:
+        replies: Sends the answers.
+
     Args:
         limit: How many there may be.
     """
@@ -78,7 +79,7 @@ class OpenCalls:
         self._limit = limit
         self._calls: set[WireCall] = set()
         self._closed: str | None = None
-        self._lost = Rejections("the answer to a request could not be sent", logging.DEBUG)
+        self.replies = Replies()
 
     def __len__(self) -> int:
         return len(self._calls)
@@ -99,13 +100,6 @@ class OpenCalls:
         """Forgets a call that has been answered."""
         self._calls.discard(call)
 
-    def send(self, reply: Callable[[], None]) -> None:
-        """Sends an answer, or counts that the client or the session is gone, which whoever answers cannot change."""
-        try:
-            reply()
-        except zenoh.ZError as error:
-            self._lost.add(str(error))
-
     def refuse(self, inquiry: Inquiry, service: type[Service], reason: str, form: Form) -> None:
         """Answers a request that will not be carried out, in the words of its response type where it has them."""
         response = refusal(service.Response, reason)
@@ -116,10 +110,10 @@ class OpenCalls:
             )
             response = service.Response()
         if response is None:
-            self.send(lambda: inquiry.reply_error(reason))
+            self.replies.post(lambda: inquiry.reply_error(reason))
         else:
             payload = encode(response, form)
-            self.send(lambda: inquiry.reply(payload, form))
+            self.replies.post(lambda: inquiry.reply(payload, form))
 
     def refuse_all(self, reason: str) -> None:
         """Refuses every call that waits."""
@@ -127,6 +121,7 @@ class OpenCalls:
             call.refuse(reason)
 
     def close(self, reason: str) -> None:
-        """Refuses every call, those to come too."""
+        """Refuses every call, those to come too, and waits until the answers have left."""
         self._closed = reason
         self.refuse_all(reason)
+        self.replies.close()

@@ -81,10 +81,11 @@ class PlainDialect:
     def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
         """Declares the queryable of a service."""
         key = key_of(service.name)
+        encodings = {form: encoding_of(form, service.type.Response) for form in _FORMS}
 
         def handle(query: zenoh.Query) -> None:
             if str(query.key_expr) == key:
-                receive(PlainInquiry(query, key, service))
+                receive(PlainInquiry(query, key, encodings))
             else:
                 with query:
                     query.reply_err(f"{key} is a service; query exactly this key to call it".encode(), encoding=TEXT)
@@ -106,18 +107,18 @@ class PlainDialect:
 class PlainInquiry:
     """A query on a plain key."""
 
-    def __init__(self, query: zenoh.Query, key: str, service: ServiceName) -> None:
+    def __init__(self, query: zenoh.Query, key: str, encodings: Mapping[Form, zenoh.Encoding]) -> None:
         self.received = Received(query.payload, query.encoding)
         self.parameters = parameters(query)
         self.needs_response = _from_bridge(query.attachment)
         self._query = query
         self._key = key
-        self._response = service.type.Response
+        self._encodings = encodings
 
     def reply(self, payload: bytes, form: Form) -> None:
         """Sends the response."""
         with self._query as query:
-            query.reply(self._key, payload, encoding=encoding_of(form, self._response))
+            query.reply(self._key, payload, encoding=self._encodings[form])
 
     def reply_error(self, sentence: str) -> None:
         """Sends one sentence as `text/plain`, whatever the client speaks."""

@@ -44,7 +44,7 @@ class ServiceServer:
             if inquiry.needs_response:
                 self._open_calls.refuse(inquiry, self._service.type, reason, "cdr")
             else:
-                self._open_calls.send(lambda: inquiry.reply_error(reason))
+                self._open_calls.replies.post(lambda: inquiry.reply_error(reason))
             return
         call = WireCall(inquiry, request, form, self._service.type, self._open_calls)
         if not self._open_calls.admit(call):

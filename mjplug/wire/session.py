@@ -29,6 +29,15 @@ _DROP_WAIT_US = 200
 Zenoh's default of 1 ms is half a physics step; with no wait at all, half of a burst of 200 messages is lost.
 """
 
+_BLOCKED_US = 1_000_000
+"""How long a reply may wait for a client that does not read, before Zenoh closes the link to it [µs].
+
+Zenoh's default is 5 s, in which answers to others would wait too.
+"""
+
+_QUEUE = "transport/link/tx/queue/congestion_control"
+_PATIENCE_US = {f"{_QUEUE}/drop/wait_before_drop": _DROP_WAIT_US, f"{_QUEUE}/block/wait_before_close": _BLOCKED_US}
+
 _RACES = 10
 """How often to pick another free port when somebody else took it first."""
 
@@ -197,9 +206,9 @@ class _Plan:
         if role == "router" and not connect:
             # A router waits this long for others to answer, though there is nobody it could have asked.
             _set_default(config, "scouting/delay", 0)
-        wait = "transport/link/tx/queue/congestion_control/drop/wait_before_drop"
-        if config.get_json(wait) == zenoh.Config().get_json(wait):
-            _set(config, wait, _DROP_WAIT_US)
+        for wait, microseconds in _PATIENCE_US.items():
+            if config.get_json(wait) == zenoh.Config().get_json(wait):
+                _set(config, wait, microseconds)
         return config
 
     def _base(self) -> zenoh.Config:

@@ -11,7 +11,8 @@ PENDULUM_THAT_BLOWS_UP = """
   <option timestep="0.002" gravity="0 0 0"/>
   <worldbody>
     <body name="rod"><joint name="hinge" type="hinge"/><geom type="capsule" size=".05 .5"/></body>
-    <body name="cart" pos="0 5 0"><joint name="rail" type="slide" axis="0 1 0"/><geom type="sphere" size=".1" mass="1"/></body>
+    <body name="cart" pos="0 5 0"><joint name="rail" type="slide" axis="0 1 0"/>
+      <geom type="sphere" size=".1" mass="1"/></body>
   </worldbody>
   <actuator><general joint="rail" biastype="affine" biasprm="0 0 40"/></actuator>
 </mujoco>
@@ -257,7 +258,6 @@ def test_a_handler_that_returns_what_is_no_response_hurts_only_its_client(arm_wo
 
     def slow():
         yield 2
-        return None
 
     call = Picky()
     arm_world.loop.serve(call, lambda request, call: None)

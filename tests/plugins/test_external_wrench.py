@@ -57,7 +57,7 @@ def steps_until_answer(world, call, most=10_000):
 
 
 class Reference:
-    """Replays wrenches with MuJoCo and numpy alone, by the definition: force and point turn with the body at every step."""
+    """Replays wrenches with MuJoCo and numpy alone: by definition, force and point turn with the body at every step."""
 
     def __init__(self):
         self.model = mujoco.MjModel.from_xml_string(BOX)

@@ -4,10 +4,7 @@ from itertools import count
 
 from pydantic import Field
 
-from mjplug.core.scheduler import Slow
-from mjplug.errors import RequestError
-from mjplug.plugin import Host, Parameters, Plugin
-from mjplug.transport import Call
+from mjplug.plugin import Call, Host, Parameters, Plugin, RequestError, Slow
 from mjplug_plugins.external_wrench import markers
 from mjplug_plugins.external_wrench.wrench import Wrench, parse
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench

@@ -5,9 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mjplug.core.memory import doubles
-from mjplug.errors import RequestError
-from mjplug.plugin import Host
+from mjplug.plugin import Host, RequestError, doubles
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.geometry_msgs import Point, Vector3
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
@@ -118,4 +116,3 @@ def _nanoseconds(value: Duration, what: str) -> int:
     if nanoseconds < 0:
         raise RequestError(f"{what} is {nanoseconds / 1e9:g} s; it must not be negative")
     return nanoseconds
-
