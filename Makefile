@@ -38,7 +38,7 @@ check: $(READY) typings/mujoco ## Format, lint, types, layers.
 	@$(RUN)/ruff format --check --quiet . || { echo "run: make format"; exit 1; }
 	@$(RUN)/ruff check --quiet .
 	@$(RUN)/mypy
-	@$(RUN)/lint-imports --no-logo 2>/dev/null || $(RUN)/lint-imports
+	@$(RUN)/lint-imports --no-logo
 
 # MuJoCo's wheel has no type stubs.
 typings/mujoco: uv.lock | $(READY)

@@ -3,7 +3,8 @@
 from typing import Annotated, Any
 
 import typer
-from pydantic_core import PydanticUndefined
+
+from mjplug.cli.engine import import_mujoco
 
 app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", no_args_is_help=True)
 
@@ -11,6 +12,7 @@ app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", n
 @app.command("list")
 def list_plugins() -> None:
     """Lists every installed plugin: its names, and its first line of documentation."""
+    import_mujoco()
     from mjplug.plugin import registry  # noqa: PLC0415  (keeps `--help` quick)
 
     names: dict[str, list[str]] = {}
@@ -28,6 +30,7 @@ def info(
     type: Annotated[str, typer.Argument(help="A name from `mjplug plugin list`, or module:Class.", metavar="TYPE")],
 ) -> None:
     """Shows what a plugin does and its parameters with types, defaults and units."""
+    import_mujoco()
     from mjplug.plugin import registry  # noqa: PLC0415
 
     plugin = registry.find(type)
@@ -36,12 +39,13 @@ def info(
     fields = plugin.parameters_type.model_fields
     typer.echo("\nParameters:" if fields else "\nNo parameters.")
     for name, field in fields.items():
-        typer.echo(f"  {name} ({_type_name(field.annotation)}, {_default(field.default)})")
+        default = "required" if field.is_required() else f"default {_yaml(field.default)}"
+        typer.echo(f"  {name} ({_type_name(field.annotation)}, {default})")
         typer.echo(f"      {field.description or ''}")
     instance = type.split("/")[-1].split(":")[-1].lower()
     typer.echo(f"\nIn a configuration file:\n\n  plugins:\n    {instance}:\n      type: {type}")
     for name, field in fields.items():
-        typer.echo(f"      {name}: {'...' if field.default is PydanticUndefined else _yaml(field.default)}")
+        typer.echo(f"      {name}: {'...' if field.is_required() else _yaml(field.default)}")
 
 
 def _dedent(text: str) -> str:
@@ -50,10 +54,6 @@ def _dedent(text: str) -> str:
 
 def _type_name(annotation: Any) -> str:
     return annotation.__name__ if isinstance(annotation, type) else str(annotation).replace("typing.", "")
-
-
-def _default(value: Any) -> str:
-    return "required" if value is PydanticUndefined else f"default {_yaml(value)}"
 
 
 def _yaml(value: Any) -> str:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mjplug.cli.log import logging_to_stderr
-from mjplug.config.load import Draft, read
+from mjplug.cli.engine import import_mujoco
+from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
+    from mjplug.config.draft import Draft
     from mjplug.core.simulation import Simulation
 
 PATIENCE = 2.0
@@ -70,6 +71,10 @@ def serve(
 
       mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)
     """
+    # Imported late, so that `mjplug --help` is quick.
+    import_mujoco()
+    from mjplug.config.load import read  # noqa: PLC0415
+
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += ["sim.paused=true"] if paused else []
     sets += [f"sim.keyframe={keyframe}"] if keyframe is not None else []
@@ -80,8 +85,7 @@ def serve(
         _run(read(config, model=model, sets=sets), duration, check)
 
 
-def _run(draft: Draft, duration: float | None, check: bool) -> None:
-    # Imported late, so that `mjplug --help` needs neither MuJoCo nor Zenoh.
+def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     from mjplug.core import process  # noqa: PLC0415
     from mjplug.core.model_file import load_model  # noqa: PLC0415
     from mjplug.core.simulation import Simulation  # noqa: PLC0415

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from mjplug.core.loop import Loop, Stepper
 from mjplug.core.scheduler import Slow, Timer
 from mjplug.errors import PluginError
+from mjplug.log import INSTANCES
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
-
-LOGGER = "mjplug.instance"
-"""Parent of every instance's logger."""
 
 Resolve = Callable[[str], str]
 """Turns a name as a plugin writes it into the full ROS name."""
@@ -66,7 +64,7 @@ class Host:
         disable_on_error: bool = False,
     ) -> None:
         self.name = name
-        self.logger = logging.getLogger(f"{LOGGER}.{name}")
+        self.logger = logging.getLogger(f"{INSTANCES}.{name}")
         self.model: mujoco.MjModel = loop.simulation.model
         self.data: mujoco.MjData = loop.simulation.data
         self.random = np.random.default_rng([seed, *name.encode()])

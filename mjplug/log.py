@@ -7,7 +7,8 @@ import queue
 import sys
 from collections.abc import Iterator
 
-from mjplug.plugin.host import LOGGER
+INSTANCES = "mjplug.instance"
+"""Parent of the logger of every plugin instance."""
 
 _COLOURS = {
     logging.WARNING: "\033[33m",
@@ -32,7 +33,7 @@ class _Formatter(logging.Formatter):
 
 def _who(logger: str) -> str:
     """Returns `instance: ` for a plugin's own logger, nothing for the server's modules."""
-    instance = logger.removeprefix(f"{LOGGER}.")
+    instance = logger.removeprefix(f"{INSTANCES}.")
     return "" if instance == logger else f"{instance}: "
 
 
