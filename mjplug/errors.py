@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mjplug.config.problem import Problem
 
+_MOST_PROBLEMS = 100
+"""How many problems of a configuration the text of the error has."""
+
 
 class MjplugError(Exception):
     """Root of every error that mjplug raises on purpose."""
@@ -23,7 +26,9 @@ class ConfigError(MjplugError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        more = len(self.problems) - _MOST_PROBLEMS
+        lines = [str(problem) for problem in self.problems[:_MOST_PROBLEMS]]
+        super().__init__("\n".join([*lines, f"… and {more} more"] if more > 0 else lines))
 
 
 class ModelError(MjplugError):

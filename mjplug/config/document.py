@@ -196,9 +196,7 @@ class _Walk:
             )
 
     def _problem(self, message: str, node: Node) -> None:
-        problem = Problem(message, self._mark(node))
-        if problem not in self._document.problems:
-            self._document.problems.append(problem)
+        self._document.problems.append(Problem(message, self._mark(node)))
 
     def _mark(self, node: Node) -> Mark:
         return Mark(self._source, node.start_mark.line + 1, node.start_mark.column + 1)

@@ -9,9 +9,9 @@ _WIDEST = 160
 """Source lines longer than this are shown in part."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """Where a part of the configuration comes from.
+    """Where a part of the configuration comes from; every one is itself, since comparing whole files would take long.
 
     Attributes:
         name: As errors show it: `scene.yaml`, `--set sim.speed=-1`, `environment MJPLUG_SIM__SPEED`.

@@ -168,7 +168,7 @@ def test_use_sim_time_false_gets_a_warning_and_text_an_error(params):
         "    7 |     use_sim_time: false\n"
         "      |                   ^"
     ]
-    with pytest.raises(ConfigError, match="params.yaml:7:19: error: use_sim_time should be true or false"):
+    with pytest.raises(ConfigError, match=r"params\.yaml:7:19: error: use_sim_time should be true or false"):
         params(HEARTBEAT + "    use_sim_time: 'true'\n")
 
 
@@ -177,7 +177,7 @@ def test_later_sections_win_one_parameter_at_a_time(params):
         "/**: {ros__parameters: {mujoco_plugins: {a: {type: x, rate: 1, topic: t}}}}\n"
         "mjplug: {ros__parameters: {mujoco_plugins.a.rate: 2}}\n"
         "other: {ros__parameters: {mujoco_plugins.a.rate: 3}}\n"
-        "/*: {ros__parameters: {mujoco_plugins: {a.topic: u, b.type: y}}}\n"
+        "/*: {ros__parameters: {mujoco_plugins: {a.topic: u, b.type: 'y'}}}\n"
     )
     assert entries(loaded) == {"a": ("x", {"rate": 2, "topic": "u"}), "b": ("y", {})}
 
@@ -288,7 +288,7 @@ def test_what_is_no_section_is_an_error(params):
         "params.yaml:7:1: error: 'model' is no section of a ROS parameter file: it has no ros__parameters\n"
         "    7 | model: a.xml\n"
         "      | ^ a ROS file in `ros_params` of a configuration file can be used together with other settings\n"
-        "params.yaml:8:21: error: ros__parameters should be a mapping of parameters\n"
+        "params.yaml:8:22: error: ros__parameters should be a mapping of parameters\n"
         "    8 | b: {ros__parameters: 3}\n"
-        "      |                     ^"
-    ) or refusal(params, HEARTBEAT + "model: a.xml\n") == ""
+        "      |                      ^"
+    )

@@ -1,0 +1,447 @@
+import contextlib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from mjplug.config import load, read
+from mjplug.errors import ConfigError, MjplugError
+
+DESIGN = """\
+model: scene.xml
+node_name: mjplug
+namespace: ""
+remap: {/scan: /robot1/scan}
+sim:
+  speed: 1.0
+  paused: false
+  keyframe: ""
+  seed: 0
+  clock_rate: 100.0
+  on_divergence: pause
+zenoh: {mode: auto, listen: [tcp/127.0.0.1:7447], connect: [], config: null}
+ros2: {enabled: true, domain_id: 0}
+plugins:
+  external_wrench: {type: mujoco_ros2_control_plugins/ExternalWrenchPlugin, force_arrow_scale: 0.01}
+  heartbeat: {type: heartbeat}
+ros_params: []
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def config(here):
+    """Loads the text of a configuration file."""
+
+    def load_text(text, *sets, model=None, **environ):
+        (here / "c.yaml").write_text(text)
+        return load("c.yaml", model=model, sets=sets, environ=environ)
+
+    return load_text
+
+
+def refusal(call, *args, **kwargs):
+    with pytest.raises(ConfigError) as caught:
+        call(*args, **kwargs)
+    return str(caught.value)
+
+
+def test_the_whole_documented_file_loads(config):
+    settings = config(DESIGN).settings
+    assert settings.remap == {"/scan": "/robot1/scan"}
+    assert settings.zenoh.listen == ("tcp/127.0.0.1:7447",)
+    assert settings.plugins["external_wrench"].parameters == {"force_arrow_scale": 0.01}
+    assert list(settings.plugins) == ["external_wrench", "heartbeat"]
+
+
+def test_everything_wrong_comes_out_at_once(config):
+    text = """\
+modle: scene.xml
+node_name: on
+sim:
+  speed: fast
+  sped: 2
+  paused: "true"
+  seed: 1.5
+  seed: 3
+  on_divergence: paus
+zenoh: {mode: rooter, listen: tcp/0.0.0.0:7447, connect: [tcp://a:1, tpc/a:1], config: no.json5}
+ros2: {domain_id: 233}
+plugins:
+  2d: {type: heartbeat}
+  cam: {frame: x}
+ros_params: [no.yaml]
+"""
+    zenoh = "   10 | zenoh: {mode: rooter, listen: tcp/0.0.0.0:7447, connect: [tcp://a:1, tpc/a:1], config: no.json5}\n"
+    here = Path.cwd()
+    assert refusal(config, text) == (
+        "c.yaml: error: no model: write `model: FILE`, or give --model FILE\n"
+        "c.yaml:1:1: error: modle: unknown key; known: model, namespace, node_name, on_plugin_error, plugins, remap, "
+        "ros2, ros_params, sim, zenoh\n"
+        "    1 | modle: scene.xml\n"
+        "      | ^ did you mean 'model'?\n"
+        "c.yaml:2:12: error: node_name: Input should be text, not true\n"
+        "    2 | node_name: on\n"
+        '      |            ^ to mean text, write "on" with the quotes\n'
+        "c.yaml:4:10: error: sim.speed: Input should be a number or 'max', not 'fast'\n"
+        "    4 |   speed: fast\n"
+        "      |          ^\n"
+        "c.yaml:5:3: error: sim.sped: unknown key; known: clock_rate, keyframe, on_divergence, paused, seed, speed\n"
+        "    5 |   sped: 2\n"
+        "      |   ^ did you mean 'speed'?\n"
+        "c.yaml:6:11: error: sim.paused: Input should be true or false, not 'true'\n"
+        '    6 |   paused: "true"\n'
+        "      |           ^ leave out the quotes\n"
+        "c.yaml:7:9: error: sim.seed: Input should be a whole number, not 1.5\n"
+        "    7 |   seed: 1.5\n"
+        "      |         ^\n"
+        "c.yaml:8:3: error: duplicate key 'seed' (first on line 7)\n"
+        "    8 |   seed: 3\n"
+        "      |   ^\n"
+        "c.yaml:9:18: error: sim.on_divergence: Input should be 'pause', 'reset' or 'stop', not 'paus'\n"
+        "    9 |   on_divergence: paus\n"
+        "      |                  ^ did you mean 'pause'?\n"
+        "c.yaml:10:15: error: zenoh.mode: Input should be 'auto', 'router', 'peer' or 'client', not 'rooter'\n"
+        f"{zenoh}"
+        "      |               ^ did you mean 'router'?\n"
+        "c.yaml:10:31: error: zenoh.listen: Input should be a list, not 'tcp/0.0.0.0:7447'\n"
+        f"{zenoh}"
+        "      |                               ^ write [tcp/0.0.0.0:7447] for a list of one\n"
+        "c.yaml:10:59: error: zenoh.connect[0]: write the endpoint 'tcp://a:1' as 'tcp/a:1'\n"
+        f"{zenoh}"
+        "      |                                                           ^\n"
+        "c.yaml:10:70: error: zenoh.connect[1]: unknown protocol 'tpc' in 'tpc/a:1', did you mean 'tcp'?; "
+        "known: tcp, udp, tls, quic, ws, unixsock-stream, unixpipe, serial, vsock\n"
+        f"{zenoh}"
+        "      |                                                                      ^\n"
+        f"c.yaml:10:88: error: zenoh.config: there is no file 'no.json5' in {here}\n"
+        f"{zenoh}"
+        "      |                                                                                        ^\n"
+        "c.yaml:11:19: error: ros2.domain_id: Input should be less than or equal to 232, not 233\n"
+        "   11 | ros2: {domain_id: 233}\n"
+        "      |                   ^\n"
+        "c.yaml:13:3: error: plugins.2d: '2d' is not a valid ROS node name: '2d' starts with a digit\n"
+        "   13 |   2d: {type: heartbeat}\n"
+        "      |   ^\n"
+        "c.yaml:14:3: error: plugins.cam.type: required, but not given\n"
+        "   14 |   cam: {frame: x}\n"
+        "      |   ^\n"
+        f"c.yaml:15:14: error: ros_params[0]: there is no file 'no.yaml' in {here}\n"
+        "   15 | ros_params: [no.yaml]\n"
+        "      |              ^"
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("sim: {speed: .inf}", "c.yaml:2:14: error: sim.speed: Input should be a finite number or 'max', not inf"),
+        ("sim: {speed: -1}", "c.yaml:2:14: error: sim.speed: Input should be greater than 0 or 'max', not -1"),
+        ("sim: {speed: }", "c.yaml:2:14: error: sim.speed: Input should be a number or 'max', not nothing"),
+        ("sim: fast", "c.yaml:2:6: error: sim: Input should be a mapping, not 'fast'"),
+        ("sim: []", "c.yaml:2:6: error: sim: Input should be a mapping, not an empty list"),
+        ("namespace: a-b", "c.yaml:2:12: error: namespace: 'a-b' is not a valid ROS namespace: '-' is not allowed, "
+         "only letters of the English alphabet, digits, '_' and '/'"),
+        ("remap: {scan: /a}", "c.yaml:2:9: error: remap.scan: 'scan' is not a valid ROS name: "
+         "a full name starts with '/'"),
+        ("remap: {/a: b}", "c.yaml:2:13: error: remap./a: 'b' is not a valid ROS name: a full name starts with '/'"),
+        ("plugins: {a: heartbeat}", "c.yaml:2:14: error: plugins.a: Input should be a mapping, not 'heartbeat'"),
+        ("on_plugin_error: [stop]", "c.yaml:2:18: error: on_plugin_error: Input should be 'stop' or 'disable', "
+         "not a list"),
+        ("ros_params: [c.yaml]", "c.yaml:2:14: error: ros_params[0]: 'c.yaml' is no ROS parameter file, "
+         "it has no ros__parameters"),
+    ],
+)  # fmt: skip
+def test_the_sentence_of_one_mistake(config, line, message):
+    first, shown, caret = refusal(config, f"model: a.xml\n{line}").splitlines()
+    assert first == message
+    assert shown == f"    2 | {line}"
+    assert caret.startswith("      | ")
+    assert caret.index("^") - 8 == int(message.split(":")[2]) - 1
+
+
+def test_an_empty_section_is_the_default(config):
+    settings = config("model: a.xml\nsim:\nplugins:\n  # hb: {type: heartbeat}\nzenoh: ~\n").settings
+    assert settings == config("model: a.xml").settings
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "c.yaml: error: the file is empty; the least is `model: FILE`"),
+        ("# model: a\n", "c.yaml: error: the file is empty; the least is `model: FILE`"),
+        (
+            "just text",
+            "c.yaml:1:1: error: a configuration is a mapping of settings such as `model: scene.xml`, not 'just text'\n"
+            "    1 | just text\n"
+            "      | ^",
+        ),
+        (
+            "- a\n- b",
+            "c.yaml:1:1: error: a configuration is a mapping of settings such as `model: scene.xml`, not a list\n"
+            "    1 | - a\n"
+            "      | ^",
+        ),
+    ],
+)
+def test_what_is_no_configuration_at_all(config, text, message):
+    assert refusal(config, text) == message
+
+
+def test_a_missing_file(here):
+    assert refusal(load, "no.yaml", environ={}) == "no.yaml: error: no such file"
+    assert refusal(load, here, environ={}) == f"{here}: error: is a directory, not a configuration file"
+
+
+def test_set_wins_over_environment_over_file_over_default(config):
+    text = "model: file.xml\nsim: {speed: 2, seed: 2, clock_rate: 2}"
+    loaded = config(text, "sim.speed=4", MJPLUG_SIM__SPEED="3", MJPLUG_SIM__SEED="3", MJPLUG_MODEL="env.xml")
+    assert loaded.settings.sim.model_dump(include={"speed", "seed", "clock_rate", "paused"}) == {
+        "speed": 4.0,
+        "seed": 3,
+        "clock_rate": 2.0,
+        "paused": False,
+    }
+    assert loaded.settings.model == "env.xml"
+    assert config(text, model="option.xml", MJPLUG_MODEL="env.xml").settings.model == "option.xml"
+    assert config(text, "model=set.xml", model="option.xml").settings.model == "set.xml"
+
+
+def test_option_values_follow_the_rules_of_the_file(config):
+    loaded = config(
+        DESIGN,
+        "zenoh.connect=[tcp/a:1, tcp/b:2]",
+        "zenoh.listen.0=tcp/0.0.0.0:7447",
+        "sim={speed: 1e1, seed: 012}",
+        "namespace=",
+        "plugins.hb={type: heartbeat, on: on, text: '1'}",
+        "plugins.heartbeat.topic=\"on\"",
+        "plugins.heartbeat.note=#1: @x=y",
+        MJPLUG_NAMESPACE="r1",
+        MJPLUG_PLUGINS__EXTERNAL_WRENCH__FORCE_ARROW_SCALE="0.5",
+        MJPLUG_REMAP="{/a: /b}",
+    )  # fmt: skip
+    settings = loaded.settings
+    assert settings.zenoh.connect == ("tcp/a:1", "tcp/b:2")
+    assert settings.zenoh.listen == ("tcp/0.0.0.0:7447",)
+    assert (settings.sim.speed, settings.sim.seed) == (10.0, 10)
+    assert settings.namespace == ""
+    assert settings.plugins["hb"].parameters == {"on": True, "text": "1"}
+    assert settings.plugins["heartbeat"].parameters == {"topic": "on", "note": "#1: @x=y"}
+    assert settings.plugins["external_wrench"].parameters == {"force_arrow_scale": 0.5}
+    assert settings.remap == {"/a": "/b"}
+
+
+def test_a_variable_finds_an_instance_whatever_its_case(config):
+    loaded = config("model: a\nplugins: {HeartBeat: {type: x}}", MJPLUG_PLUGINS__HEARTBEAT__RATE="2")
+    assert loaded.settings.plugins["HeartBeat"].parameters == {"rate": 2}
+
+
+def test_wrong_options_say_which_they_are(config):
+    assert refusal(
+        config,
+        DESIGN,
+        "sim.speed=-1",
+        "sim.sped=2",
+        "foo",
+        "=1",
+        "model.x=1",
+        "zenoh.listen.1=tcp/a:1",
+        "ros2.domain_id=[1",
+        "plugins.heartbat.rate=1",
+        "node_name=on",
+        "sim.seed='2'",
+        MJPLUG_SIM_SPEED="1",
+        MJPLUG_SIM__PAUSED="maybe",
+        MJPLUG_LOG_LEVEL="debug",
+        MJPLUGIN="x",
+        PATH="/bin",
+    ).splitlines() == [
+        "environment MJPLUG_SIM_SPEED: error: no setting has this name; did you mean 'MJPLUG_SIM__SPEED'?",
+        "--set foo: error: write it as path=value, such as sim.speed=2",
+        "--set =1: error: write it as path=value, such as sim.speed=2",
+        "--set model.x=1: error: model is 'scene.xml', it has no 'x'",
+        "--set zenoh.listen.1=tcp/a:1: error: zenoh.listen is a list, it has no '1'",
+        "--set ros2.domain_id=[1: error: YAML syntax: did not find expected ',' or ']' while parsing a flow sequence",
+        "--set node_name=on: error: node_name: Input should be text, not true; "
+        'to mean text, write "on" with the quotes',
+        "--set sim.speed=-1: error: sim.speed: Input should be greater than 0 or 'max', not -1",
+        "environment MJPLUG_SIM__PAUSED: error: sim.paused: Input should be true or false, not 'maybe'",
+        "--set sim.seed='2': error: sim.seed: Input should be a whole number, not '2'; leave out the quotes",
+        "--set sim.sped=2: error: sim.sped: unknown key; "
+        "known: clock_rate, keyframe, on_divergence, paused, seed, speed; did you mean 'speed'?",
+        "--set plugins.heartbat.rate=1: error: plugins.heartbat.type: required, but not given; "
+        "did you mean 'heartbeat'?",
+    ]
+
+
+def test_an_option_for_a_section_hides_what_the_file_said_in_it(config):
+    assert config("model: a\nsim: {nonsense: 1}", "sim={}").settings.sim.speed == 1.0
+
+
+def test_a_model_alone_is_a_configuration(here):
+    (here / "models").mkdir()
+    loaded = load("models/scene.xml", environ={})
+    assert loaded.settings.model == "models/scene.xml"
+    assert loaded.folder == here / "models"
+    assert loaded.folders(("model",)) == (here, here / "models")
+    assert load("bundled:box", environ={}).settings.model == "bundled:box"
+    assert load("package://p/a.urdf", environ={}).settings.model == "package://p/a.urdf"
+    assert load(None, model="a.mjb", environ={}).settings.model == "a.mjb"
+    assert refusal(load, "a.xml", model="b.xml", environ={}) == (
+        "a.xml: error: is a model, and --model b.xml is another one; give one of them"
+    )
+    assert refusal(load, None, environ={}) == (
+        "command line: error: no model: give a configuration file, or --model FILE"
+    )
+
+
+def test_relative_names_count_from_where_they_are_written(here):
+    folder = here / "sub"
+    folder.mkdir()
+    (folder / "c.yaml").write_text("model: a.xml\nzenoh: {config: z.json5}\n")
+    (folder / "z.json5").write_text("{}")
+    loaded = load("sub/c.yaml", environ={})
+    assert loaded.folder == folder
+    assert loaded.folders(("model",)) == (folder, here)
+    assert loaded.path(("zenoh", "config")) == folder / "z.json5"
+    (here / "z.json5").write_text("{}")
+    assert load("sub/c.yaml", environ={}).path(("zenoh", "config")) == folder / "z.json5"
+    option = load("sub/c.yaml", model="b.xml", sets=["zenoh.config=z.json5"], environ={})
+    assert option.folders(("model",)) == (here, folder)
+    assert option.path(("zenoh", "config")) == here / "z.json5"
+
+
+def test_ros_files_beside_a_configuration(here, config):
+    (here / "params.yaml").write_text(
+        "/**: {ros__parameters: {mujoco_plugins: {a: {type: x, rate: 1, topic: t}, b: {type: y2}}}}"
+    )
+    loaded = config("model: m\nros_params: [params.yaml]\nplugins: {a: {rate: 2}, c: {type: z}}", "plugins.b.rate=3")
+    assert {name: (entry.type, entry.parameters) for name, entry in loaded.settings.plugins.items()} == {
+        "a": ("x", {"rate": 2, "topic": "t"}),
+        "b": ("y2", {"rate": 3}),
+        "c": ("z", {}),
+    }
+    assert str(loaded.problem(("plugins", "a", "topic"), "no such topic")) == (
+        "params.yaml:1:71: error: plugins.a.topic: no such topic\n"
+        "    1 | /**: {ros__parameters: {mujoco_plugins: {a: {type: x, rate: 1, topic: t}, b: {type: y2}}}}\n"
+        "      |                                                                       ^"
+    )
+    assert "c.yaml:3:21: error: plugins.a.rate: too slow\n" in str(loaded.problem(("plugins", "a", "rate"), "too slow"))
+    assert str(loaded.problem(("plugins", "b", "rate"), "too fast")) == (
+        "--set plugins.b.rate=3: error: plugins.b.rate: too fast"
+    )
+
+
+class Camera(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+    frame_name: str = ""
+
+
+class Parameters(BaseModel):
+    model_config = ConfigDict(extra="allow", strict=True)
+    __pydantic_extra__: dict[str, Camera]
+    body: str
+    rate: float = Field(1.0, gt=0)
+    shapes: list[Camera | int] = []
+
+
+def test_plugin_parameters_are_reported_together_with_the_rest(here):
+    (here / "c.yaml").write_text("""\
+model: m.xml
+sim: {sped: 1}
+plugins:
+  cam:
+    type: camera
+    rate: 0
+    front: {frame_nam: f}
+    shapes: [1, {frame_name: 2}, x]
+  other: {type: nonsense}
+""")
+    draft = read("c.yaml", environ={})
+    assert {name: entry.type for name, entry in draft.plugins.items()} == {"cam": "camera", "other": "nonsense"}
+    with pytest.raises(ValidationError) as caught:
+        Parameters.model_validate(draft.plugins["cam"].parameters)
+    problems = draft.explain(caught.value, ("plugins", "cam"), Parameters)
+    problems.append(draft.problem(("plugins", "other", "type"), "unknown plugin type 'nonsense'", "known: camera"))
+    with pytest.raises(MjplugError) as all_of_it:
+        draft.finish(problems)
+    assert str(all_of_it.value) == (
+        "c.yaml:2:7: error: sim.sped: unknown key; known: clock_rate, keyframe, on_divergence, paused, seed, speed\n"
+        "    2 | sim: {sped: 1}\n"
+        "      |       ^ did you mean 'speed'?\n"
+        "c.yaml:4:3: error: plugins.cam.body: required, but not given\n"
+        "    4 |   cam:\n"
+        "      |   ^\n"
+        "c.yaml:6:11: error: plugins.cam.rate: Input should be greater than 0, not 0\n"
+        "    6 |     rate: 0\n"
+        "      |           ^\n"
+        "c.yaml:7:13: error: plugins.cam.front.frame_nam: unknown key; known: frame_name\n"
+        "    7 |     front: {frame_nam: f}\n"
+        "      |             ^ did you mean 'frame_name'?\n"
+        "c.yaml:8:17: error: plugins.cam.shapes[1]: Input should be a whole number, not a mapping\n"
+        "    8 |     shapes: [1, {frame_name: 2}, x]\n"
+        "      |                 ^\n"
+        "c.yaml:8:30: error: plugins.cam.shapes[1].frame_name: Input should be text, not 2\n"
+        "    8 |     shapes: [1, {frame_name: 2}, x]\n"
+        '      |                              ^ to mean text, write "2" with the quotes\n'
+        "c.yaml:8:34: error: plugins.cam.shapes[2]: Input should be a mapping or a whole number, not 'x'\n"
+        "    8 |     shapes: [1, {frame_name: 2}, x]\n"
+        "      |                                  ^\n"
+        "c.yaml:9:17: error: plugins.other.type: unknown plugin type 'nonsense'\n"
+        "    9 |   other: {type: nonsense}\n"
+        "      |                 ^ known: camera"
+    )
+    assert len(all_of_it.value.problems) == 8
+
+
+def test_a_draft_without_faults_finishes(here):
+    (here / "c.yaml").write_text("model: m.xml\n")
+    assert read("c.yaml", environ={}).finish().settings.model == "m.xml"
+
+
+def test_warnings_are_reported_beside_errors_but_do_not_stop(here):
+    (here / "p.yaml").write_text("/**: {ros__parameters: {use_sim_time: false, mujoco_plugins: {a: {type: x}}}}")
+    loaded = load("p.yaml", model="m.xml", environ={})
+    assert [warning.severity for warning in loaded.warnings] == ["warning"]
+    assert "warning: use_sim_time" in refusal(load, "p.yaml", model="m.xml", sets=["sim.speed=0"], environ={})
+
+
+names = ["model", "sim", "speed", "plugins", "type", "a", "zenoh", "listen", "remap", "/x", "ros_params", "", "a.b"]
+ros_names = ["/**", "ros__parameters", "mujoco_plugins", "mujoco_plugins.a", "use_sim_time"]
+key = st.sampled_from(names + ros_names)
+scalar = st.sampled_from(["1", "x", "on", "'1'", "~", "[]", "{}", "1.5", "p.yaml", ".nan", "tcp/a:1", "/a"])
+tree = st.recursive(
+    scalar,
+    lambda inner: (
+        st.lists(inner, max_size=3).map(lambda items: f"[{', '.join(items)}]")
+        | st.lists(st.tuples(key, inner), max_size=4).map(
+            lambda items: "{" + ", ".join(f"'{k}': {v}" for k, v in items) + "}"
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.lists(st.tuples(key, tree), max_size=5), st.lists(st.tuples(st.lists(key, max_size=3), tree), max_size=3))
+def test_no_content_raises_anything_but_a_config_error(tmp_path_factory, content, options):
+    path = tmp_path_factory.mktemp("content") / "c.yaml"
+    path.write_text("\n".join(f"'{name}': {value}" for name, value in content))
+    sets = [f"{'.'.join(parts)}={value}" for parts, value in options]
+    environ = {f"MJPLUG_{'__'.join(parts).upper()}": value for parts, value in options}
+    with contextlib.suppress(ConfigError):
+        load(path, sets=sets, environ=environ)
+
+
+def test_the_text_of_an_error_is_bounded_but_the_error_has_all(config):
+    with pytest.raises(ConfigError) as caught:
+        config("model: m\n" + "".join(f"k{i}: 1\n" for i in range(250)))
+    assert len(caught.value.problems) == 250
+    assert str(caught.value).splitlines()[-1] == "… and 150 more"
