@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from time import monotonic
 from types import FrameType
 from typing import Any
 
@@ -19,6 +20,9 @@ from mjplug.plugin.selection import Selected
 from mjplug.services import clock, reset_world, set_free_joint_state, set_pause, step_simulation
 from mjplug.transport import Transport
 from mjplug_schemas.names import resolve
+
+SAME_SIGNAL = 0.5
+"""Time within which a second signal does not count as one [s]."""
 
 _log = logging.getLogger(__name__)
 
@@ -113,23 +117,29 @@ class Server:
 
 @contextmanager
 def stopping_on_signals(loop: Loop) -> Iterator[None]:
-    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a second signal ends the process at once."""
+    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a later one ends the process at once.
+
+    A repeat within `SAME_SIGNAL` is the same signal: `timeout`, for one, sends it to the process and to its group.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    first: list[float] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        for other in numbers:
-            signal.signal(other, before[other] if other == signal.SIGINT else signal.SIG_DFL)
-        # SimpleQueue.put may be called from a signal handler, at any point of the loop.
-        loop.inbox.post(loop.stop)
+        if not first:
+            first.append(monotonic())
+            # SimpleQueue.put may be called from a signal handler, at any point of the loop.
+            loop.inbox.post(loop.stop)
+        elif monotonic() - first[0] > SAME_SIGNAL:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
 
-    for number in numbers:
+    for number in before:
         signal.signal(number, stop)
     try:
         yield
     finally:
-        for number in numbers:
-            signal.signal(number, before[number])
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,5 +1,6 @@
 """`mjplug serve`: from a configuration file or a model to a running server."""
 
+import json
 import logging
 import sys
 import threading
@@ -10,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.engine import import_mujoco
+from mjplug.errors import ConfigError, UnknownName
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
     from mjplug.config.draft import Draft
+    from mjplug.config.settings import Sim
     from mjplug.core.simulation import Simulation
 
 PATIENCE = 2.0
@@ -77,10 +80,11 @@ def serve(
 
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += ["sim.paused=true"] if paused else []
-    sets += [f"sim.keyframe={keyframe}"] if keyframe is not None else []
+    # Quoted, so that a name such as 1 or on stays text.
+    sets += [f"sim.keyframe={json.dumps(keyframe)}"] if keyframe is not None else []
     sets += [f"sim.speed={speed}"] if speed is not None else []
-    sets += [f"zenoh.listen=[{', '.join(listen)}]"] if listen else []
-    sets += [f"zenoh.connect=[{', '.join(connect)}]"] if connect else []
+    sets += [f"zenoh.listen={json.dumps(listen)}"] if listen else []
+    sets += [f"zenoh.connect={json.dumps(connect)}"] if connect else []
     with logging_to_stderr(-1 if quiet else verbose):
         _run(read(config, model=model, sets=sets), duration, check)
 
@@ -99,9 +103,12 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     process.tame_mujoco()
     with _progress(f"compiling {settings.model}"):
         model = load_model(settings.model, *loaded.folders(("model",)))
-    simulation = Simulation(model.model, settings.sim.keyframe)
+    try:
+        simulation = Simulation(model.model, settings.sim.keyframe)
+    except UnknownName as error:
+        raise ConfigError([loaded.problem(("sim", "keyframe"), str(error))]) from error
     if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
-        _log.info("the model starts in its default pose; --keyframe takes %s", ", ".join(keyframes))
+        _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
     names = ", ".join(p.name for p in plugins) or "none"
     summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
     if check:
@@ -118,28 +125,39 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}")
     try:
         server = Server(settings, simulation, network, plugins)
-        state = "paused" if settings.sim.paused else f"speed {settings.sim.speed}"
-        typer.echo(f"ready · {network.session.endpoint} · {summary} · {state}")
-        sys.stdout.flush()
         with stopping_on_signals(server.loop):
+            typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")
+            sys.stdout.flush()
             server.run(duration)
     finally:
         network.close("the server is stopping")
     _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
 
 
+def _state(sim: "Sim") -> str:
+    if sim.paused:
+        return "paused"
+    return "speed max" if sim.speed == "max" else f"speed {sim.speed:g}"
+
+
 def _plugins(wanted: list[str]) -> list[str]:
-    """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`."""
+    """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`.
+
+    Raises:
+        BadParameter: Two of them have one name.
+    """
     from mjplug.plugin.registry import registered  # noqa: PLC0415
 
-    sets = []
+    sets: dict[str, str] = {}
     for text in wanted:
         kind, colon, name = text.rpartition(":")
         # In module:Class the colon belongs to the type.
         if not colon or (kind not in registered() and ":" not in kind):
             kind, name = text, text.replace(":", "/").split("/")[-1]
-        sets.append(f"plugins.{name}.type={kind}")
-    return sets
+        if name in sets:
+            raise typer.BadParameter(f"two plugins are called {name!r}; give one a name: --plugin {kind}:NAME")
+        sets[name] = f"plugins.{name}.type={json.dumps(kind)}"
+    return list(sets.values())
 
 
 def _size(simulation: "Simulation") -> str:

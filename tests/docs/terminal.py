@@ -12,7 +12,7 @@ from pathlib import Path
 
 from docs.markdown import ROOT, blocks_of
 
-PATIENCE = 20.0
+PATIENCE = 25.0
 """How long a command of the documentation may take [s]."""
 
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -82,7 +82,7 @@ class Reader:
     def run(self, command: Command) -> "subprocess.CompletedProcess[str]":
         """Runs a command of the page that ends by itself; what it prints on both streams comes as one text."""
         return subprocess.run(
-            [sys.executable, "-m", *_local(command.words)],
+            [sys.executable, "-m", *self._local(command)],
             cwd=self.folder,
             env=_environment(command),
             stdout=subprocess.PIPE,
@@ -126,7 +126,7 @@ class Reader:
 
     def _start(self, command: Command) -> Server:
         process = subprocess.Popen(
-            [sys.executable, "-m", *_local(command.words)],
+            [sys.executable, "-m", *self._local(command)],
             cwd=self.folder,
             env=_environment(command),
             stdout=subprocess.PIPE,
@@ -143,7 +143,21 @@ class Reader:
                 alarm.cancel()
                 return Server(process, printed, found[1])
         alarm.cancel()
+        process.stdout.close()
         raise AssertionError(f"the server ended ({process.wait()}) without getting ready:\n{printed}")
+
+    def _local(self, command: Command) -> list[str]:
+        """Keeps a server off other machines and fixed ports; what it connects to is the first server of this reader."""
+        words = list(command.words)
+        if words[:2] != ["mjplug", "serve"] or "--check" in words:
+            return words
+        first = next((server.endpoint for server in self.servers.values()), None)
+        for at, word in enumerate(words):
+            if _SPEAKS.fullmatch(word):
+                connects = words[at - 1] in ("--connect", "-e")
+                assert first or not connects, f"there is no server yet to connect to: {words}"
+                words[at] = first if first and connects else ANY_PORT
+        return words if {"--listen", "-l"} & {*words} else [*words, "--listen", ANY_PORT]
 
 
 def commands(console: str) -> list[str]:
@@ -159,14 +173,6 @@ def matches(printed: str, expected: str) -> bool:
     )
     text = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
     return re.fullmatch(pattern, text) is not None
-
-
-def _local(words: list[str]) -> list[str]:
-    """Keeps a server off other machines and fixed ports."""
-    words = [_SPEAKS.sub(ANY_PORT, word) for word in words]
-    if words[:2] == ["mjplug", "serve"] and not {"--listen", "-l"} & {*words}:
-        words += ["--listen", ANY_PORT]
-    return words
 
 
 def _environment(command: Command | None = None) -> dict[str, str]:

@@ -1,0 +1,157 @@
+"""Executes every fenced block of the README and the docs; see `docs.markdown` and `docs.terminal` for how."""
+
+import json
+import re
+import shutil
+import tomllib
+
+import pytest
+import zenoh
+from docs.markdown import PAGES, ROOT, Block, blocks_of
+from docs.terminal import ENDPOINT, Command, commands, matches
+
+from mjplug.config import read
+from mjplug.core.model_file import load_model
+from mjplug.core.simulation import Simulation
+from mjplug.errors import ConfigError
+from mjplug.offline import OfflineTransport
+from mjplug.plugin.registry import GROUP
+from mjplug.plugin.selection import select
+from mjplug.server import Server
+from mjplug_schemas import registry
+
+MAKE_TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+
+
+class Story:
+    """A block together with the blocks around it that matter."""
+
+    def __init__(self, block: Block, before: list[Block], after: list[Block]) -> None:
+        self.block = block
+        self.page = block.page
+        self.before = before
+        follower = after[0] if after else None
+        self.output = follower.text if follower and follower.language == "output" else None
+
+    @property
+    def server(self) -> str:
+        """The command line of the server that a reader has running at this point of the page."""
+        lines = [line for block in self.before if block.language == "console" for line in commands(block.text)]
+        serving = [line for line in lines if Command.parse(line).serves]
+        assert serving, f"{self.block.name} connects to a server, but nothing above starts one"
+        return serving[-1]
+
+    def expect(self, printed: str) -> None:
+        if self.output is not None:
+            assert matches(printed, self.output), f"printed:\n{printed}\nbut the page says:\n{self.output}"
+
+
+def stories() -> list[Story]:
+    told = []
+    for page in PAGES:
+        blocks = blocks_of(page)
+        told += [Story(block, blocks[:i], blocks[i + 1 :]) for i, block in enumerate(blocks)]
+    return told
+
+
+STORIES = stories()
+
+
+def of(language: str) -> pytest.MarkDecorator:
+    chosen = [story for story in STORIES if story.block.language == language]
+    return pytest.mark.parametrize("story", chosen, ids=[story.block.name for story in chosen])
+
+
+def test_every_block_is_of_a_kind_that_is_executed_here():
+    known = {"python", "yaml", "toml", "json", "console", "output"}
+    others = [f"{story.block.name}: {story.block.language!r}" for story in STORIES if story.block.language not in known]
+    assert not others
+    assert len(STORIES) > 40
+
+
+def test_every_output_follows_what_printed_it():
+    for story in STORIES:
+        if story.block.language == "output":
+            assert story.before, story.block.name
+            assert story.before[-1].language in ("python", "console"), story.block.name
+
+
+@of("python")
+def test_python_runs_and_prints_what_the_page_says(story, reader_of):
+    reader, text = reader_of(story.page), story.block.text
+    if ENDPOINT in text:
+        text = text.replace(ENDPOINT, reader.server(story.server).endpoint)
+    done = reader.script(text, story.block.file or f"line_{story.block.line}.py")
+    assert done.returncode == 0, done.stdout
+    story.expect(done.stdout)
+
+
+@of("yaml")
+def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reader_of, monkeypatch):
+    folder, block = reader_of(story.page).folder, story.block
+    path = folder / (block.file or f"line_{block.line}.yaml")
+    path.write_text(block.text, encoding="utf-8")
+    monkeypatch.syspath_prepend(folder)
+    draft = read(path, model=None if "\nmodel:" in f"\n{block.text}" else "bundled:arm", environ={})
+    if path.name.startswith("wrong"):
+        with pytest.raises(ConfigError):
+            select(draft)
+        return
+    loaded, plugins = select(draft)
+    assert not loaded.warnings
+    if "type:" in block.text:
+        assert plugins
+    model = load_model(loaded.settings.model, folder)
+    Server(loaded.settings, Simulation(model.model), OfflineTransport(), plugins).cleanup()
+
+
+@of("json")
+def test_json_is_what_it_says_it_is(story):
+    kind, text = story.block.info, story.block.text
+    json.loads(text)
+    if kind == "zenoh":
+        assert zenoh.Config.from_json5(text).get_json("mode")
+        return
+    interface = registry.find(kind)
+    assert interface.from_json(text) != interface(), "nothing is set"
+
+
+@of("toml")
+def test_toml_registers_a_plugin_that_is_on_the_page(story, reader_of, monkeypatch):
+    points = tomllib.loads(story.block.text)["project"]["entry-points"][GROUP]
+    files = {block.file for block in blocks_of(story.page)}
+    for target in points.values():
+        module, _, name = target.partition(":")
+        assert f"{module}.py" in files
+        source = (reader_of(story.page).folder / f"{module}.py").read_text(encoding="utf-8")
+        assert f"class {name}(Plugin[" in source
+
+
+@of("console")
+def test_commands_run_and_print_what_the_page_says(story, reader_of):
+    reader = reader_of(story.page)
+    printed, code = "", 0
+    lines = commands(story.block.text)
+    for line in lines:
+        command = Command.parse(line)
+        program = command.words[0]
+        if line == "$ echo $?":
+            printed += f"{code}\n"
+            code = 0
+            continue
+        assert code == 0, f"{story.block.name}: exit code {code}\n{printed}"
+        if command.serves:
+            printed += reader.server(line).printed
+        elif program == "mjplug":
+            done = reader.run(command)
+            printed += done.stdout
+            code = done.returncode
+        elif program == "make":
+            assert set(command.words[1:]) <= MAKE_TARGETS, line
+        elif program in ("pip", "git"):
+            assert shutil.which(program), line
+            assert story.output is None
+        else:
+            raise AssertionError(f"{story.block.name}: nobody here runs {program!r}")
+    assert code == 0, f"{story.block.name}: exit code {code}\n{printed}"
+    story.expect(printed)

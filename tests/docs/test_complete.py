@@ -1,0 +1,246 @@
+"""Nothing that a user can set, call or hear is missing in the docs, and nothing is in the docs that is not there."""
+
+import inspect
+import re
+from typing import Literal, get_args, get_origin
+
+import mujoco
+import pytest
+import typer
+from docs.markdown import PAGES, ROOT, anchors, links, prose, rows, section
+from docs.terminal import matches
+from fakes import FakeTransport
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+import mjplug.plugin
+from mjplug.cli.app import EXIT_CODES, app
+from mjplug.config.document import unquoted
+from mjplug.config.settings import PluginEntry, Settings
+from mjplug.core.model_location import SUFFIXES, bundled_models
+from mjplug.core.simulation import Simulation
+from mjplug.plugin import Host, Plugin, registry
+from mjplug.plugin.selection import Selected
+from mjplug.server import Server
+from mjplug.wire.calls import MAX_OPEN_CALLS
+from mjplug.wire.encoding import MAX_PAYLOAD
+
+CONFIGURATION, WIRE, PLUGINS = "configuration.md", "wire.md", "plugins.md"
+
+SETTINGS = rows(section(CONFIGURATION, "Settings").partition("### ")[0])
+
+CLASSES = {registry.find(name) for name in registry.registered()}
+
+
+def as_yaml(value):
+    """Returns a default as a table shows it."""
+    if value is PydanticUndefined:
+        return "required"
+    if value is None:
+        return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f"`{value}`" if value not in ("", (), {}) else {str: '`""`', tuple: "`[]`", dict: "`{}`"}[type(value)]
+
+
+def words_of(annotation):
+    """Yields the words that an annotation allows."""
+    if get_origin(annotation) is Literal:
+        yield from get_args(annotation)
+    else:
+        for inner in get_args(annotation):
+            yield from words_of(inner)
+
+
+def leaves(model, prefix=""):
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from leaves(field.annotation, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", field
+
+
+def test_every_setting_has_a_row_with_its_default_and_there_are_no_others():
+    assert {name: row[1] for name, row in SETTINGS.items()} == {
+        name: as_yaml(field.default) for name, field in leaves(Settings)
+    }
+
+
+def test_the_allowed_words_of_a_setting_are_in_its_row():
+    for name, field in leaves(Settings):
+        for word in words_of(field.annotation):
+            assert f"`{word}`" in SETTINGS[name][0], f"{name} can be {word}"
+
+
+def test_plugin_entries_have_nothing_but_a_type_of_their_own():
+    assert set(PluginEntry.model_fields) == {"type"}
+
+
+@pytest.mark.parametrize("plugin_class", sorted(CLASSES, key=lambda c: c.__name__), ids=lambda c: c.__name__)
+def test_every_plugin_has_a_section_with_its_names_and_parameters(plugin_class):
+    table = rows(section(PLUGINS, plugin_class.__name__))
+    names = {name for name in registry.registered() if registry.find(name) is plugin_class}
+    assert names <= set(table)
+    fields = plugin_class.parameters_type.model_fields
+    assert set(fields) <= set(table)
+    for name, field in fields.items():
+        _, default, meaning = table[name]
+        assert default == as_yaml(field.default)
+        assert meaning == field.description
+
+
+def test_every_topic_and_service_is_in_a_table_with_its_type():
+    transport = FakeTransport()
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    selected = [Selected(c.__name__, c, c.parameters_type()) for c in CLASSES]
+    Server(Settings(model="?"), Simulation(model), transport, selected).cleanup()
+    assert len(transport.types) >= 9
+    own = rows(section(WIRE, "Names of the server"))
+    described = section(PLUGINS, "Services of the server")
+    for name, interface in transport.types.items():
+        first, _, rest = name.removeprefix("/").partition("/")
+        instance = next((c for c in CLASSES if c.__name__ == first), None)
+        if first == "mjplug":
+            assert own[f"~/{rest}"][0] == f"`{interface.TYPE}`"
+            if name in transport.services:
+                assert f"`~/{rest}`, `{interface.__name__}`:" in described
+        elif instance:
+            assert rows(section(PLUGINS, first))[f"~/{rest}"][0] == f"`{interface.TYPE}`"
+        else:
+            absolute = own | rows(section(PLUGINS, "Heartbeat"))
+            assert absolute[name][0] == f"`{interface.TYPE}`"
+
+
+def serve_command():
+    command = typer.main.get_command(app)
+    return command.commands["serve"]
+
+
+def test_every_flag_of_serve_has_a_row_and_there_are_no_others():
+    flags = {flag for parameter in serve_command().params for flag in parameter.opts if flag.startswith("-")}
+    documented = rows(section(CONFIGURATION, "The command line"))
+    assert {name for name in documented if name.startswith("-")} == flags | {"--help", "-h"}
+
+
+def test_every_flag_that_a_page_mentions_is_there():
+    flags = {flag for parameter in serve_command().params for flag in parameter.opts} | {"--help", "--version"}
+    for page in PAGES:
+        mentioned = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", prose(page)))
+        assert mentioned <= flags, page
+
+
+def test_every_command_is_mentioned():
+    commands = typer.main.get_command(app).commands
+    text = prose(CONFIGURATION)
+    for name, command in commands.items():
+        for words in [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]:
+            assert f"`mjplug {words}" in text
+
+
+def test_exit_codes_are_those_of_the_command_line():
+    documented = {int(code) for code in rows(section(CONFIGURATION, "The command line")) if code.isdecimal()}
+    assert documented == {0, 2} | {code for _, code in EXIT_CODES}
+
+
+def test_bundled_models_are_listed_with_their_keyframes():
+    table = rows(section(CONFIGURATION, "Models"))
+    assert {name for name in table if name.startswith("bundled:") and name != "bundled:NAME"} == {
+        f"bundled:{name}" for name in bundled_models()
+    }
+    for name in bundled_models():
+        model = mujoco.MjModel.from_xml_path(str(ROOT / "mjplug" / "bundled" / f"{name}.xml"))
+        keyframes = [model.key(i).name for i in range(model.nkey)]
+        assert re.findall(r"`(\w+)`", table[f"bundled:{name}"][1]) == keyframes
+
+
+def test_every_ending_of_a_model_file_is_named():
+    text = section(CONFIGURATION, "Models")
+    assert all(f"`{suffix}`" in text for suffix in SUFFIXES)
+
+
+def test_scalars_mean_what_the_table_says():
+    expected = {"true": True, "false": False, "infinity": float("inf"), "nothing": None}
+    checked = 0
+    for line in section(CONFIGURATION, "Scalars").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        for texts, meaning in (cells[0:2], cells[3:5]) if len(cells) == 5 else ():
+            for text in re.findall(r"`([^`]+)`", texts):
+                value = text if meaning == "the text" else expected.get(meaning, meaning)
+                got = unquoted(text)
+                assert got == value or repr(got) == value, text
+                checked += 1
+    assert checked == 18
+
+
+def signatures(kind, table):
+    """Yields each public method of a class with the arguments that the docs give it."""
+    documented = {name.partition("(")[0]: name for name in table if "(" in name}
+    for name, member in inspect.getmembers(kind):
+        if not name.startswith("_") and inspect.isfunction(member):
+            parameters = [p for p in inspect.signature(member).parameters if p != "self"]
+            yield name, f"{name}({', '.join(parameters)})", documented.get(name)
+
+
+def test_every_method_of_the_host_is_described_with_its_arguments():
+    table = rows(section(PLUGINS, "The host"))
+    for name, expected, documented in signatures(Host, table):
+        # Only the server calls it.
+        assert name == "attach" or documented == expected
+    properties = {name for name, member in inspect.getmembers(Host) if isinstance(member, property)}
+    assert properties <= set(table)
+    instance = re.findall(r"^        self\.([a-z]\w*)\b", inspect.getsource(Host.__init__), re.MULTILINE)
+    assert {*instance} <= set(table)
+    assert set(table) <= {*instance, *properties, *(expected for _, expected, _ in signatures(Host, table))}
+
+
+def test_every_method_of_a_plugin_is_described_with_its_arguments():
+    table = rows(section(PLUGINS, "The class"))
+    for _, expected, documented in signatures(Plugin, table):
+        assert documented == expected
+
+
+def test_everything_in_the_plugin_api_is_described():
+    text = section(PLUGINS, "Writing a plugin")
+    for name in mjplug.plugin.__all__:
+        assert re.search(rf"`{name}\b[^`]*`", text), name
+
+
+def test_limits_are_those_of_the_code():
+    text = section(WIRE, "Limits")
+    assert f"{MAX_PAYLOAD} bytes" in text
+    assert text.count(str(MAX_OPEN_CALLS)) == 2
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page != "README.md"])
+def test_every_page_is_reached_from_the_readme(page):
+    assert f"docs/{page}" in links("README.md")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere(page):
+    for link in links(page):
+        if link.startswith("https://"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (PAGES[page].parent / path).resolve() if path else PAGES[page]
+        # The last page is written by `make bench`.
+        assert target.exists() or target.name == "benchmarks.md", link
+        if anchor:
+            assert anchor in anchors(target.name), link
+
+
+@pytest.mark.parametrize(
+    ("expected", "same"),
+    [
+        ("one\ntwo 2\n", True),
+        ("one\ntwo ...\n", True),
+        ("...\ntwo 2\n", True),
+        ("...\n", True),
+        ("one\n", False),
+        ("two 2\n", False),
+        ("one\ntwo .\n", False),
+        ("one ... three\n", False),
+    ],
+)
+def test_an_output_matches_only_what_it_shows(expected, same):
+    assert matches("one  \ntwo 2\n", expected) is same
