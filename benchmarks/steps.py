@@ -1,20 +1,20 @@
 """Steps per second of the whole server at speed max, against a bare loop of `mj_step(nstep=100)`."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from time import perf_counter
 
-import mujoco
-
 from benchmarks.measure import Result, pairs
-from benchmarks.world import MIDDLING, SMALL, bare_steps_per_second, model_of, server
-from mjplug_plugins.external_wrench import ExternalWrench
+from benchmarks.world import MIDDLING, SMALL, BareLoop, server
+from mjplug.core import process
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.geometry_msgs import Vector3, Wrench, WrenchStamped
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, ExternalWrenchArray
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.std_msgs import Header
 
-SECONDS = 0.5
-"""Wall time of one measurement, about [s]."""
+SECONDS, REPEATS = 0.1, 31
+"""Wall time of one measurement, about [s]: short, so that both of a pair meet the same weather; and how many pairs."""
 
 
 class _Call:
@@ -40,36 +40,42 @@ def _tiny_wrench(body: str) -> _Call:
     return _Call(ApplyExternalWrench.Request(wrenches=ExternalWrenchArray(external_wrenches=[message])))
 
 
-def _served_steps_per_second(uri: str, steps: int, wrench: bool) -> float:
+@contextmanager
+def _served(uri: str, steps: int, wrench: bool) -> Iterator[Callable[[], float]]:
+    """Gives a function that takes `steps` steps with a whole server and returns how many it takes a second."""
     with server(uri) as (served, _):
         if wrench:
-            apply = ExternalWrench._apply  # the plugin's own handler, without a client
             plugin = served.plugins["external_wrench"]
-            served.loop.serve(_tiny_wrench("base_link"), lambda request, call: apply(plugin, request, call))
-        served.loop.last_step = steps
-        began = perf_counter()
-        served.loop.run()
-        elapsed = perf_counter() - began
-        assert served.loop.simulation.step == steps
-        return steps / elapsed
+            served.loop.serve(_tiny_wrench("base_link"), plugin._apply)  # the plugin's handler, without a client
+        loop = served.loop
+
+        def measure() -> float:
+            loop.last_step = loop.simulation.step + steps
+            began = perf_counter()
+            loop.run()
+            elapsed = perf_counter() - began
+            assert loop.simulation.step == loop.last_step
+            return steps / elapsed
+
+        with process.quick_switching():
+            yield measure
 
 
 def results() -> list[Result]:
     """Two models, idle and with one active wrench."""
     found = []
     for uri, word in ((SMALL, "small"), (MIDDLING, "middling")):
-        model = model_of(uri)
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        steps = int(SECONDS * bare_steps_per_second(model, 5000)) // 100 * 100
-        cost = 1e6 / bare_steps_per_second(model, steps)
+        bare = BareLoop(uri)
+        steps = int(SECONDS * bare.steps_per_second(5000)) // 100 * 100
         for wrench, state, goal in ((False, "idle", ">= 0.95"), (True, "one active wrench", ">= 0.6")):
-            found.append(
-                pairs(
-                    f"steps/s, {word} model ({cost:.1f} µs a step), {state}, against bare mj_step(nstep=100)",
-                    lambda uri=uri, steps=steps, wrench=wrench: _served_steps_per_second(uri, steps, wrench),
-                    lambda model=model, steps=steps: bare_steps_per_second(model, steps),
+            with _served(uri, steps, wrench) as ours:
+                result = pairs(
+                    f"steps/s, {word} model, {state}, against bare mj_step(nstep=100)",
+                    ours,
+                    lambda bare=bare, steps=steps: bare.steps_per_second(steps),
                     goal,
                     "{:,.0f}/s",
+                    REPEATS,
                 )
-            )
+            found.append(result)
     return found

@@ -52,7 +52,8 @@ def server(uri: str, speed: float | str = "max", timestep: float | None = None) 
     if timestep is not None:
         model.opt.timestep = timestep
     with network() as opened:
-        yield Server(settings, Simulation(model), opened, PLUGINS), opened
+        keyframe = model.key(0).name if model.nkey else ""
+        yield Server(settings, Simulation(model, keyframe), opened, PLUGINS), opened
 
 
 @contextmanager
@@ -65,13 +66,21 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
         yield session
 
 
-def bare_steps_per_second(model: mujoco.MjModel, steps: int) -> float:
-    """Times a bare loop of `mj_step(nstep=100)` from the model's initial state."""
-    data = mujoco.MjData(model)
-    began = perf_counter()
-    for _ in range(steps // 100):
-        mujoco.mj_step(model, data, nstep=100)
-    return steps / (perf_counter() - began)
+class BareLoop:
+    """A bare loop of `mj_step(nstep=100)` on the same model, from the same state."""
+
+    def __init__(self, uri: str) -> None:
+        self._model = model_of(uri)
+        self._data = mujoco.MjData(self._model)
+        if self._model.nkey:
+            mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
+
+    def steps_per_second(self, steps: int) -> float:
+        """Goes on for `steps` steps, a multiple of 100."""
+        began = perf_counter()
+        for _ in range(steps // 100):
+            mujoco.mj_step(self._model, self._data, nstep=100)
+        return steps / (perf_counter() - began)
 
 
 process.tame_mujoco()

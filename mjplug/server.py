@@ -76,6 +76,7 @@ class Server:
         with self._cleanups, process.quick_switching():
             process.prefer_this_thread()
             loop.run()
+            loop.scheduler.close_jobs("cancelled: the server is stopping")
         if loop.failure is not None:
             raise loop.failure
 

@@ -38,6 +38,9 @@ class Stepper(Protocol):
     def on_reset(self) -> None:
         """Forgets what belonged to the state before the reset."""
 
+    def failed(self, error: Exception) -> None:
+        """Takes an exception that `update` raised; it must deactivate the stepper or end the loop."""
+
 
 class StepGoal:
     """Steps that somebody wants taken while the simulation is paused.
@@ -195,11 +198,11 @@ class Loop:
                 return
 
     def run(self) -> None:
-        """Runs until stopped, paced by the wall clock; then every waiting request is answered with a failure."""
+        """Runs until stopped, paced by the wall clock; may be called again to go on."""
+        self._stopping = self.failure is not None
         self._anchor()
         while not self._stopping:
             self.turn()
-        self.scheduler.close_jobs("cancelled: the server is stopping")
 
     def turn(self) -> None:
         """Does what is to be done now, or waits for the next step's deadline or a posted call, whichever is first."""
@@ -268,7 +271,12 @@ class Loop:
             if self._override is not None:
                 self._override.fill(np.nan)
             for stepper in self._active:
-                stepper.update()
+                try:
+                    stepper.update()
+                except Exception as error:
+                    stepper.failed(error)
+            if self._stopping:
+                return None
             if self._override is not None:
                 np.copyto(simulation.data.qvel, self._override, where=np.isfinite(self._override))
             divergence = simulation.advance(1)

@@ -69,6 +69,7 @@ class Host:
         self.data: mujoco.MjData = loop.simulation.data
         self.random = np.random.default_rng([seed, *name.encode()])
         self._loop = loop
+        self._simulation = loop.simulation
         self._transport = transport
         self._resolve = resolve
         self._disable_on_error = disable_on_error
@@ -79,17 +80,17 @@ class Host:
     @property
     def step(self) -> int:
         """Steps taken since the server started."""
-        return self._loop.simulation.step
+        return self._simulation.step
 
     @property
     def epoch(self) -> int:
         """Resets of the world since the server started."""
-        return self._loop.simulation.epoch
+        return self._simulation.epoch
 
     @property
     def time_ns(self) -> int:
         """Simulated time [ns]."""
-        return self._loop.simulation.time_ns
+        return self._simulation.time_ns
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -105,11 +106,11 @@ class Host:
 
     def steps_covering(self, duration_ns: int) -> int:
         """Returns the smallest number of steps that together last at least `duration_ns` [ns]."""
-        return self._loop.simulation.time.steps_covering(duration_ns)
+        return self._simulation.time.steps_covering(duration_ns)
 
     def time_of(self, step: int) -> float:
         """Returns the simulated time of a step boundary [s]."""
-        return self._loop.simulation.time.seconds(step)
+        return self._simulation.time.seconds(step)
 
     def body_id(self, name: str) -> int:
         """Returns a body's id.
@@ -117,15 +118,15 @@ class Host:
         Raises:
             UnknownName: The model has no such body; the sentence lists those it has.
         """
-        return self._loop.simulation.body_id(name)
+        return self._simulation.body_id(name)
 
     def kinematics(self) -> None:
         """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; a step leaves them older."""
-        self._loop.simulation.kinematics()
+        self._simulation.kinematics()
 
     def forward(self) -> None:
         """Makes everything derived, sensors too, that of the current state; costs about a step."""
-        self._loop.simulation.forward()
+        self._simulation.forward()
 
     def full_name(self, name: str) -> str:
         """Returns the full ROS name of a topic or service as this plugin writes it, after remapping.
@@ -238,7 +239,7 @@ class Host:
         """
         if not 0 < period < float("inf"):
             raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
-        loop, simulation = self._loop, self._loop.simulation
+        loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
         if while_matched is None:
             return loop.scheduler.every(steps, self._guarded(callback), simulation.step)
@@ -250,7 +251,7 @@ class Host:
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
-        self._stepper = _Guarded(self._guarded(plugin.update), self._guarded(plugin.on_reset))
+        self._stepper = _PluginStepper(plugin.update, self._guarded(plugin.on_reset), self._fail)
         self._loop.add(self._stepper)
 
     def _guarded(self, callback: Callable[[], None]) -> Callable[[], None]:
@@ -262,18 +263,24 @@ class Host:
             try:
                 callback()
             except Exception as error:
-                self.logger.exception("plugin %s failed", self.name)
-                self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
-                self.deactivate()
-                if not self._disable_on_error:
-                    self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))
+                self._fail(error)
 
         return call
 
+    def _fail(self, error: Exception) -> None:
+        self.logger.error("plugin %s failed", self.name, exc_info=error)
+        self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
+        self.deactivate()
+        if not self._disable_on_error:
+            self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))
 
-class _Guarded:
-    """A stepper whose calls are wrapped."""
 
-    def __init__(self, update: Callable[[], None], on_reset: Callable[[], None]) -> None:
+class _PluginStepper:
+    """A plugin as the loop sees it; `update` is the plugin's own method, since it is called at every step."""
+
+    def __init__(
+        self, update: Callable[[], None], on_reset: Callable[[], None], failed: Callable[[Exception], None]
+    ) -> None:
         self.update = update
         self.on_reset = on_reset
+        self.failed = failed
