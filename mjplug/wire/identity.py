@@ -54,7 +54,7 @@ def claim(session: zenoh.Session, name: str) -> Claim:
     own = str(session.zid())
 
     def appeared(sample: zenoh.Sample) -> None:
-        if False and (other := _holder(sample)) != own:
+        if sample.kind == zenoh.SampleKind.PUT and (other := _holder(sample)) != own:
             _LOG.error(
                 "another server named %s has appeared on this network (Zenoh id %s): requests may reach either; "
                 "stop one of them, or give it another node_name or namespace",

@@ -50,7 +50,11 @@ def test_a_stated_encoding_is_followed(encoding, payload, form):
 @pytest.mark.parametrize(
     ("encoding", "payload", "sentence"),
     [
-        ("application/protobuf", CDR, "the encoding is 'application/protobuf'; application/cdr and application/json are"),
+        (
+            "application/protobuf",
+            CDR,
+            "the encoding is 'application/protobuf'; application/cdr and application/json are",
+        ),
         ("application/cdr;geometry_msgs/msg/Twist", CDR, "the encoding says 'geometry_msgs/msg/Twist'; 'std_msgs/msg/"),
         (None, b"\xff\xfe\xfd\xfc\xfb", "the payload starts with ff fe fd fc, which is neither CDR nor a JSON object"),
         (None, b"", "the payload is empty, which is neither CDR nor a JSON object"),
@@ -130,9 +134,7 @@ def test_losses_are_all_counted_and_logged_at_powers_of_ten(caplog):
         for i in range(1, 251):
             rejections.add(f"bad {i}")
     assert rejections.count == 250
-    assert caplog.messages == [
-        f"topic /x: a sample was refused ({i} so far): bad {i}" for i in (1, 10, 100)
-    ]
+    assert caplog.messages == [f"topic /x: a sample was refused ({i} so far): bad {i}" for i in (1, 10, 100)]
 
 
 def test_a_long_reason_is_cut_in_the_log(caplog):

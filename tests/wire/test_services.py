@@ -2,9 +2,11 @@
 
 import logging
 import queue
+import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 import zenoh
@@ -251,6 +253,37 @@ def test_a_client_that_vanishes_leaves_no_trace_but_a_debug_line(client, network
         call.respond(Trigger.Response(success=True))
     assert len(network.open_calls) == 0
     assert caplog.messages == []
+    answers = queue.SimpleQueue()
+    client.session.get("trigger", answers.put, timeout=PATIENCE)
+    calls.get(timeout=PATIENCE).respond(Trigger.Response(success=True))
+    assert answers.get(timeout=PATIENCE).ok is not None
+
+
+STOPPED_CLIENT = """
+import sys, zenoh
+session = zenoh.open(zenoh.Config.from_json5(sys.argv[1]))
+for _ in range(100):
+    session.get("trigger", lambda reply: None)
+print("sent", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_client_that_stops_reading_does_not_hold_up_who_answers(network, client):
+    calls = queue.SimpleQueue()
+    network.open_service(ServiceName("/trigger", Trigger), calls.put)
+    config = '{mode: "client", connect: {endpoints: ["%s"]}, scouting: {multicast: {enabled: false}}}'
+    command = [sys.executable, "-c", STOPPED_CLIENT, config % network.session.endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        held = [calls.get(timeout=PATIENCE) for _ in range(100)]
+        process.send_signal(signal.SIGSTOP)
+        response = Trigger.Response(success=True, message="x" * 100_000)
+        start = time.monotonic()
+        for call in held:
+            call.respond(response)
+        # Far more than the sockets buffer; sent from here, it would wait a second for Zenoh to give the client up.
+        assert time.monotonic() - start < 0.5
+        process.kill()
     answers = queue.SimpleQueue()
     client.session.get("trigger", answers.put, timeout=PATIENCE)
     calls.get(timeout=PATIENCE).respond(Trigger.Response(success=True))

@@ -11,6 +11,7 @@ import pytest
 
 from mjplug.errors import WireError
 from mjplug.transport import DEFAULT, ServiceName, Topic
+from mjplug.wire import identity
 from mjplug.wire.endpoints import dialable, on_free_port, with_free_port
 from mjplug.wire.session import SessionSettings, open_session
 from mjplug_schemas.std_msgs import String
@@ -98,24 +99,44 @@ def test_names_that_contain_each_other_are_different(network, new_network):
     new_network("/robot2", listen=network.session.listening)
 
 
-def test_networks_with_one_name_that_are_joined_later_say_so(new_network, caplog):
+class Warned(logging.Handler):
+    """Waits for the line that says that two servers have one name."""
+
+    def __init__(self):
+        super().__init__()
+        self._lines = queue.SimpleQueue()
+
+    def emit(self, record):
+        self._lines.put(record.getMessage())
+
+    def about(self, *sessions):
+        """Returns once each of these servers has been named, by its Zenoh id."""
+        missing = {f"has appeared on this network (Zenoh id {session.zenoh.zid()})" for session in sessions}
+        while missing:
+            line = self._lines.get(timeout=2 * PATIENCE)
+            missing = {part for part in missing if part not in line}
+
+
+@pytest.fixture
+def warned():
+    handler = Warned()
+    logger = logging.getLogger("mjplug.wire.identity")
+    logger.addHandler(handler)
+    yield handler
+    logger.removeHandler(handler)
+
+
+def test_networks_with_one_name_that_are_joined_later_say_so(new_network, warned):
     late = on_free_port("tcp/127.0.0.1:0")
     first = new_network("/mjplug", connect=(late,))
-    appeared = threading.Event()
+    second = new_network("/mjplug", listen=(late,))
+    warned.about(first.session, second.session)
 
-    class Handler(logging.Handler):
-        def emit(self, record):
-            if record.getMessage().startswith("another server named /mjplug has appeared on this network"):
-                appeared.set()
 
-    handler = Handler()
-    logging.getLogger("mjplug.wire.identity").addHandler(handler)
-    try:
-        second = new_network("/mjplug", listen=(late,))
-        assert second.session.zenoh.zid() != first.session.zenoh.zid()
-        assert appeared.wait(2 * PATIENCE)
-    finally:
-        logging.getLogger("mjplug.wire.identity").removeHandler(handler)
+def test_a_server_that_was_there_first_is_noticed_in_a_race(network, opened, warned):
+    late = opened(open_session(SessionSettings(listen=network.session.listening), "/robot2"))
+    identity.claim(late.zenoh, "/mjplug")
+    warned.about(network.session)
 
 
 def test_a_peer_listens_on_a_free_port_and_connects(network, new_network, client):
@@ -135,7 +156,7 @@ def test_a_client_that_nobody_answers_says_where_it_tried(foreign):
     endpoint = on_free_port("tcp/127.0.0.1:0")
     with pytest.raises(WireError, match=f"cannot connect to {endpoint}: Unable to connect"):
         open_session(SessionSettings(mode="client", connect=(endpoint,)), "/mjplug")
-    with pytest.raises(WireError, match="cannot connect to nowhere: .*must be of the form <protocol>/<address>"):
+    with pytest.raises(WireError, match=r"cannot connect to nowhere: .*must be of the form <protocol>/<address>"):
         open_session(SessionSettings(mode="client", connect=("nowhere",)), "/mjplug")
     with pytest.raises(WireError, match="mode client needs an endpoint to connect to"):
         open_session(SessionSettings(mode="client"), "/mjplug")
@@ -183,7 +204,7 @@ def test_a_broken_configuration_file_is_named(tmp_path, text):
     file.write_text(text)
     with pytest.raises(WireError, match=f"cannot use the Zenoh configuration file {file}: "):
         open_session(SessionSettings(config=file), "/mjplug")
-    with pytest.raises(WireError, match="cannot use the Zenoh configuration file .*missing.json5: "):
+    with pytest.raises(WireError, match=r"cannot use the Zenoh configuration file .*missing\.json5: "):
         open_session(SessionSettings(config=tmp_path / "missing.json5"), "/mjplug")
 
 

@@ -39,6 +39,16 @@ class Matches:
         return not self._calls.acquire(blocking=False)
 
 
+def until(condition):
+    """Waits for what no event tells."""
+    pause = threading.Event()
+    for _ in range(int(PATIENCE / 0.005)):
+        if condition():
+            return
+        pause.wait(0.005)
+    raise AssertionError("it did not happen")
+
+
 @pytest.fixture
 def matches():
     return Matches()
@@ -82,6 +92,7 @@ def test_nobody_matches_until_somebody_listens_and_nobody_does_after_the_last_ha
     matches.wait()
     assert publisher.matched
     first.close()
+    until(lambda: not publisher.matched)
     second = client_of(network.session.endpoint)
     samples = second.listen("chatter/@json")
     matches.wait()
@@ -215,7 +226,9 @@ def test_a_deliver_that_fails_is_logged_and_the_next_message_is_delivered(client
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
 def test_a_latched_subscription_gets_what_was_published_before(client, network, reliability):
-    publisher = declare_advanced_publisher(client.session, "map", cache=zenoh.ext.CacheConfig(1), publisher_detection=True)
+    publisher = declare_advanced_publisher(
+        client.session, "map", cache=zenoh.ext.CacheConfig(1), publisher_detection=True
+    )
     publisher.put(HELLO_CDR)
     messages = queue.SimpleQueue()
     qos = QoS(depth=1, reliability=reliability, durability="transient_local")
@@ -226,7 +239,9 @@ def test_a_latched_subscription_gets_what_was_published_before(client, network, 
 
 def test_a_topic_has_one_type(network):
     network.open_publisher(Topic("/x", String, DEFAULT))
-    with pytest.raises(WireError, match="topic /x is std_msgs/msg/String here already; it cannot be std_msgs/msg/Float64"):
+    with pytest.raises(
+        WireError, match="topic /x is std_msgs/msg/String here already; it cannot be std_msgs/msg/Float64"
+    ):
         network.open_subscription(Topic("/x", Float64, DEFAULT), print)
 
 
