@@ -1,7 +1,6 @@
 """The physics loop: the one place where steps are taken and everything that touches the state is called."""
 
 import logging
-from collections import deque
 from collections.abc import Callable, Generator
 from time import perf_counter
 from typing import Literal, Protocol
@@ -13,8 +12,9 @@ from mjplug.core.divergence import Divergence
 from mjplug.core.inbox import Inbox
 from mjplug.core.pacing import Pacer, Speed
 from mjplug.core.reset import Reset
-from mjplug.core.scheduler import NEVER, Event, Scheduler, Slow
+from mjplug.core.scheduler import NEVER, Scheduler, Slow
 from mjplug.core.simulation import Simulation
+from mjplug.core.step_goals import StepGoals
 from mjplug.errors import MjplugError, RequestError
 from mjplug.transport import Call
 from mjplug_schemas.message import Message
@@ -42,26 +42,6 @@ class Stepper(Protocol):
         """Takes an exception that `update` raised; it must deactivate the stepper or end the loop."""
 
 
-class StepGoal:
-    """Steps that somebody wants taken while the simulation is paused.
-
-    Attributes:
-        target: The step number to reach.
-        ended: Set when it is reached or given up.
-        failure: Why it was given up; empty if it was not.
-    """
-
-    def __init__(self, target: int) -> None:
-        self.target = target
-        self.ended = Event()
-        self.failure = ""
-
-    def end(self, failure: str = "") -> None:
-        """Marks the goal as reached, or as given up with a reason."""
-        self.failure = failure
-        self.ended.set()
-
-
 class Loop:
     """Owns the simulation and runs everything that touches it, in one thread.
 
@@ -73,6 +53,7 @@ class Loop:
         scheduler: Timers and waiting requests.
         inbox: Where other threads post calls.
         pacer: Wall-clock pacing.
+        goals: Steps to take, at full speed, while paused.
         paused: Whether simulated time stands still.
         on_reset: Called after every reset, when all steppers have been told.
         on_stepped: Called whenever steps asked for while paused have been taken.
@@ -100,7 +81,7 @@ class Loop:
         self._on_divergence = on_divergence
         self._steppers: list[Stepper] = []
         self._active: tuple[Stepper, ...] = ()
-        self._goals: deque[StepGoal] = deque()
+        self.goals = StepGoals()
         self._stopping = False
         self._batch = 1
 
@@ -146,21 +127,9 @@ class Loop:
 
     def resume(self) -> None:
         """Lets simulated time run; step goals that are under way are given up."""
-        self._give_up_goals("interrupted: the simulation was resumed")
+        self.goals.give_up("interrupted: the simulation was resumed")
         self.paused = False
         self._anchor()
-
-    def step_while_paused(self, steps: int) -> StepGoal:
-        """Asks for steps at full speed while the simulation stays paused, after those already asked for."""
-        start = self._goals[-1].target if self._goals else self.simulation.step
-        goal = StepGoal(start + steps)
-        self._goals.append(goal)
-        return goal
-
-    def give_up(self, goal: StepGoal) -> None:
-        """Withdraws a step goal that has not been reached; the goals after it keep their targets."""
-        if goal in self._goals:
-            self._goals.remove(goal)
 
     def set_speed(self, speed: Speed) -> None:
         """Changes the real-time factor (positive, or `max`)."""
@@ -170,7 +139,7 @@ class Loop:
     def reset(self, reset: Reset) -> None:
         """Resets the world; every request that waits is answered with a failure, and every stepper is told."""
         reset.apply(self.simulation)
-        self._give_up_goals("cancelled: the world was reset")
+        self.goals.give_up("cancelled: the world was reset")
         self.scheduler.close_jobs("cancelled: the world was reset")
         self.simulation.clear_forces()
         for stepper in self._steppers:
@@ -211,8 +180,8 @@ class Loop:
         if self._stopping:
             return
         if self.paused:
-            if self._goals:
-                self._advance(self._goals[0].target)
+            if self.goals:
+                self._advance(self.goals.next_target)
             elif not polled:
                 self.inbox.wait(None)
         elif self.pacer.speed == "max":
@@ -238,10 +207,11 @@ class Loop:
         step = self.simulation.step
         if self.scheduler.next_due <= step:
             self.scheduler.run_due(step)
-        while self._goals and self._goals[0].target <= step:
-            self._goals.popleft().end()
+        if self.goals and self.goals.next_target <= step:
+            # Before the answer, so that a client that has it has the new time too.
             for callback in self.on_stepped:
                 callback()
+            self.goals.end_reached(step)
         if step >= self.last_step:
             self.stop()
 
@@ -291,11 +261,6 @@ class Loop:
         if not self._active:
             self.simulation.clear_forces()
 
-    def _give_up_goals(self, reason: str) -> None:
-        goals, self._goals = self._goals, deque()
-        for goal in goals:
-            goal.end(reason)
-
     def _anchor(self) -> None:
         self.pacer.anchor(self.simulation.step, perf_counter())
 
@@ -312,6 +277,6 @@ class Loop:
             self.fail(MjplugError(f"{report}; the server stops (sim.on_divergence: stop)"))
         else:
             _log.error("%s; paused before that step (sim.on_divergence: pause)", report)
-            self._give_up_goals(report)
+            self.goals.give_up(report)
             self.pause()
         return False

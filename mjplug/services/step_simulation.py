@@ -14,11 +14,11 @@ def offer(host: Host, loop: Loop) -> None:
         if request.steps == 0:
             raise RequestError("steps is 0; it must be at least 1")
         first = host.step
-        goal = loop.step_while_paused(request.steps)
+        goal = loop.goals.add(host.step, request.steps)
         try:
             yield goal.ended
         finally:
-            loop.give_up(goal)
+            loop.goals.withdraw(goal)
         if goal.failure:
             raise RequestError(
                 f"{goal.failure} ({max(0, min(host.step, goal.target) - first)} of {request.steps} steps were taken)"
