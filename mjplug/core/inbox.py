@@ -25,8 +25,8 @@ class Inbox:
         for _ in range(self._queue.qsize()):
             self._queue.get_nowait()()
 
-    def wait(self, seconds: float | None) -> None:
-        """Waits for a call and runs it, for at most `seconds` [s]; None waits for ever."""
+    def wait(self, seconds: float) -> None:
+        """Waits for a call and runs it, for at most `seconds` [s]."""
         try:
             task = self._queue.get(timeout=seconds)
         except Empty:

@@ -24,6 +24,9 @@ OnDivergence = Literal["pause", "reset", "stop"]
 BATCH_SECONDS = 0.002
 """Wall time after which a batch of steps looks at the inbox again [s]; a request at speed `max` waits no longer."""
 
+IDLE_SECONDS = 1.0
+"""How often something is done while simulated time stands still [s of wall time]."""
+
 _LARGEST_BATCH = 10_000
 
 _log = logging.getLogger(__name__)
@@ -57,6 +60,7 @@ class Loop:
         paused: Whether simulated time stands still.
         on_reset: Called after every reset, when all steppers have been told.
         on_stepped: Called whenever steps asked for while paused have been taken.
+        on_idle: Called about every `IDLE_SECONDS` of wall time while paused.
         failure: The error that ended `run`, if one did.
         last_step: `run` ends when this step has been taken.
     """
@@ -76,6 +80,7 @@ class Loop:
         self._override: NDArray[np.float64] | None = None
         self.on_reset: list[Callable[[], None]] = []
         self.on_stepped: list[Callable[[], None]] = []
+        self.on_idle: list[Callable[[], None]] = []
         self.failure: MjplugError | None = None
         self.last_step = NEVER
         self._on_divergence = on_divergence
@@ -84,6 +89,7 @@ class Loop:
         self.goals = StepGoals()
         self._stopping = False
         self._batch = 1
+        self._idle_at = 0.0
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -183,7 +189,7 @@ class Loop:
             if self.goals:
                 self._advance(self.goals.next_target)
             elif not polled:
-                self.inbox.wait(None)
+                self._idle()
         elif self.pacer.speed == "max":
             self._advance(step + self._batch)
         else:
@@ -194,6 +200,15 @@ class Loop:
             else:
                 wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
                 self.inbox.wait(max(0.0, self.pacer.deadline(wake) - now))
+
+    def _idle(self) -> None:
+        """Waits for a posted call while paused, and now and then calls `on_idle`."""
+        now = perf_counter()
+        if now >= self._idle_at:
+            self._idle_at = now + IDLE_SECONDS
+            for callback in self.on_idle:
+                callback()
+        self.inbox.wait(self._idle_at - now)
 
     def _poll(self) -> bool:
         """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""

@@ -9,8 +9,8 @@ from mjplug_schemas.std_msgs import UInt64
 def offer(host: Host, loop: Loop, rate: float) -> None:
     """Publishes simulated time at `rate` [Hz], and whenever that alone would leave a listener without the time.
 
-    That is: to a first listener at once, also while paused; after every step request; after every reset. `~/epoch` has
-    the number of resets so far, latched.
+    That is: to a first listener at once; after every step request; after every reset; and once a second of wall time
+    while paused, for those who join later. `~/epoch` has the number of resets so far, latched.
     """
 
     def tick() -> None:
@@ -26,4 +26,5 @@ def offer(host: Host, loop: Loop, rate: float) -> None:
     host.create_timer(1.0 / rate, tick, while_matched=clock)
     loop.on_reset.append(after_reset)
     loop.on_stepped.append(tick)
+    loop.on_idle.append(tick)
     epoch.publish(UInt64(data=host.epoch))

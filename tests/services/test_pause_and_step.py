@@ -118,3 +118,11 @@ def test_a_first_listener_gets_the_time_at_once_while_paused(world):
     world.transport.publishers["/clock"].on_matched()
     world.loop.step(0)
     assert [m.clock.to_ns() for m in world.published("/clock")] == [0]
+
+
+def test_while_paused_the_time_is_repeated_for_those_who_join_later(world):
+    world.loop.step(3)
+    pause(world)
+    world.loop.on_idle.append(lambda: world.loop.inbox.post(lambda: None))
+    world.loop.turn()
+    assert [m.clock.to_ns() for m in world.published("/clock")] == [6_000_000]
