@@ -5,6 +5,9 @@ from queue import Empty, SimpleQueue
 
 Task = Callable[[], None]
 
+LONGEST_WAIT = 3600.0
+"""Bound on one wait [s]; the operating system refuses waits of centuries, as tiny speed factors would ask for."""
+
 
 class Inbox:
     """A queue of calls to make on the physics thread.
@@ -26,9 +29,9 @@ class Inbox:
             self._queue.get_nowait()()
 
     def wait(self, seconds: float) -> None:
-        """Waits for a call and runs it, for at most `seconds` [s]."""
+        """Waits for a call and runs it, for at most `seconds` [s] and never longer than `LONGEST_WAIT`."""
         try:
-            task = self._queue.get(timeout=seconds)
+            task = self._queue.get(timeout=min(seconds, LONGEST_WAIT))
         except Empty:
             return
         task()

@@ -27,6 +27,9 @@ BATCH_SECONDS = 0.002
 IDLE_SECONDS = 1.0
 """How often something is done while simulated time stands still [s of wall time]."""
 
+STEPS_TO_RECOVER = 10
+"""A world that diverges again within so many steps after a reset would be reset for ever; it is paused instead."""
+
 _LARGEST_BATCH = 10_000
 
 _log = logging.getLogger(__name__)
@@ -90,6 +93,7 @@ class Loop:
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
+        self._recovered_at = -STEPS_TO_RECOVER
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -284,14 +288,16 @@ class Loop:
         simulation = self.simulation
         when = f"step {simulation.step + 1} (t = {simulation.time_ns / 1e9:.6f} s)"
         report = f"the simulation diverged in {when}: {divergence}"
-        if self._on_divergence == "reset":
+        if self._on_divergence == "reset" and simulation.step - self._recovered_at >= STEPS_TO_RECOVER:
             _log.error("%s; the world is reset (sim.on_divergence: reset)", report)
+            self._recovered_at = simulation.step
             self.reset(Reset())
             return True
         if self._on_divergence == "stop":
             self.fail(MjplugError(f"{report}; the server stops (sim.on_divergence: stop)"))
         else:
-            _log.error("%s; paused before that step (sim.on_divergence: pause)", report)
+            why = "again so soon after a reset" if self._on_divergence == "reset" else "sim.on_divergence: pause"
+            _log.error("%s; paused before that step (%s)", report, why)
             self.goals.give_up(report)
             self.pause()
         return False

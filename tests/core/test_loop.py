@@ -265,3 +265,29 @@ def test_a_handler_that_returns_what_is_no_response_hurts_only_its_client(arm_wo
     arm_world.loop.step(5)
     assert call.refusals == ["internal error: TypeError('not a response')"] * 2
     assert arm_world.simulation.step == 5
+
+
+def test_a_world_that_diverges_again_right_after_its_reset_is_paused_instead_of_reset_for_ever(caplog):
+    world = diverging_world("reset")
+
+    class Poison:
+        def update(self):
+            world.data.qvel[1] = np.inf
+
+        def on_reset(self):
+            pass
+
+    poison = Poison()
+    world.loop.add(poison)
+    world.loop.activate(poison)
+    world.loop.step(1000)
+    assert world.loop.paused
+    assert world.simulation.epoch == 1
+    assert "paused before that step (again so soon after a reset)" in caplog.text
+
+
+def test_a_speed_factor_that_waits_for_centuries_is_fine(arm_model):
+    world = World(arm_model, speed=1e-20)
+    world.loop.inbox.post(lambda: world.loop.inbox.post(world.loop.stop))
+    world.loop.run()
+    assert world.simulation.step == 0

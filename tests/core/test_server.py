@@ -54,7 +54,10 @@ def test_the_server_offers_its_services_under_its_own_name(arm_model):
 
 def test_namespace_node_name_and_remapping_shape_every_name(arm_model):
     _, transport = serve(
-        arm_model, namespace="robot1", node_name="sim", remap={"/robot1/sim/set_pause": "/halt", "/clock": "/robot1/clock"}
+        arm_model,
+        namespace="robot1",
+        node_name="sim",
+        remap={"/robot1/sim/set_pause": "/halt", "/clock": "/robot1/clock"},
     )
     assert "/halt" in transport.services
     assert "/robot1/sim/reset_world" in transport.services
