@@ -13,6 +13,10 @@ _MOST_PROBLEMS = 100
 """How many problems of a configuration the text of the error has."""
 
 
+_LONGEST_NAME = 100
+"""Characters of a wrong name that are shown, and up to which the nearest right one is looked for."""
+
+
 class MjplugError(Exception):
     """Root of every error that mjplug raises on purpose."""
 
@@ -58,13 +62,20 @@ class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name al
 
     def __init__(self, kind: str, name: str, allowed: Iterable[str]) -> None:
         names = sorted(n for n in allowed if n)
-        super().__init__(f"unknown {kind} {name!r}{did_you_mean(name, names)}; {_listing(kind, names)}")
+        super().__init__(f"unknown {kind} {quoted(name)}{did_you_mean(name, names)}; {_listing(kind, names)}")
 
 
 def did_you_mean(name: str, allowed: Iterable[str]) -> str:
     """Returns `, did you mean 'x'?` for a name close to an allowed one, otherwise an empty string."""
+    if len(name) > _LONGEST_NAME:
+        return ""
     close = difflib.get_close_matches(name, list(allowed), n=1)
     return f", did you mean {close[0]!r}?" if close else ""
+
+
+def quoted(name: str) -> str:
+    """Returns a name that somebody sent in quotes, shortened if it is absurdly long."""
+    return repr(name) if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]!r}… ({len(name)} characters)"
 
 
 def _listing(kind: str, names: list[str], most: int = 20) -> str:

@@ -13,14 +13,17 @@ app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", n
 def list_plugins() -> None:
     """Lists every installed plugin: its names, and its first line of documentation."""
     import_mujoco()
-    from mjplug.plugin import registry  # noqa: PLC0415  (keeps `--help` quick)
+    from mjplug.plugin import PluginError, registry  # noqa: PLC0415  (keeps `--help` quick)
 
     names: dict[str, list[str]] = {}
     for name, point in registry.registered().items():
         names.setdefault(point.value, []).append(name)
     for target, known_as in names.items():
         short, *aliases = sorted(known_as, key=lambda name: ("/" in name, name))
-        summary = (registry.find(short).__doc__ or "").strip().splitlines()[0]
+        try:
+            summary = (registry.find(short).__doc__ or "(not documented)").strip().splitlines()[0]
+        except PluginError as error:
+            summary = f"(broken) {error}"
         typer.echo(f"{short:<18} {summary}")
         typer.echo(f"{'':<18} {target}" + "".join(f", also {alias}" for alias in aliases))
 

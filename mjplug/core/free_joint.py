@@ -11,7 +11,7 @@ import mujoco
 
 from mjplug.core.frames import Array, compose, inverse, rotate, unit_quat_wxyz, vector
 from mjplug.core.simulation import Simulation
-from mjplug.errors import RequestError, UnknownName
+from mjplug.errors import RequestError, UnknownName, quoted
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState
 
 
@@ -59,10 +59,10 @@ def validate(simulation: Simulation, states: Iterable[FreeJointState]) -> list[F
         try:
             target = _target(simulation, state)
         except RequestError as error:
-            raise RequestError(f"free_joints[{index}] ({state.name!r}): {error}") from None
+            raise RequestError(f"free_joints[{index}] ({quoted(state.name)}): {error}") from None
         if target.body in first:
             raise RequestError(
-                f"free_joints[{index}] ({state.name!r}): already given as free_joints[{first[target.body]}]"
+                f"free_joints[{index}] ({quoted(state.name)}): already given as free_joints[{first[target.body]}]"
             )
         first[target.body] = index
         targets.append(target)

@@ -8,7 +8,7 @@ import mujoco
 from mjplug.core import free_joint
 from mjplug.core.free_joint import FreeJointTarget
 from mjplug.core.simulation import Simulation
-from mjplug.errors import RequestError
+from mjplug.errors import RequestError, quoted
 from mjplug_schemas.mujoco_ros2_control_msgs import SimulationState
 from mjplug_schemas.sensor_msgs import JointState
 
@@ -88,10 +88,10 @@ def _joint_overrides(simulation: Simulation, states: JointState) -> list[JointOv
         try:
             override = _joint_override(simulation, name, position, velocity)
         except RequestError as error:
-            raise RequestError(f"joint_states[{index}] ({name!r}): {error}") from None
+            raise RequestError(f"joint_states[{index}] ({quoted(name)}): {error}") from None
         if override.joint in first:
             raise RequestError(
-                f"joint_states[{index}] ({name!r}): already given as joint_states[{first[override.joint]}]"
+                f"joint_states[{index}] ({quoted(name)}): already given as joint_states[{first[override.joint]}]"
             )
         first[override.joint] = index
         overrides.append(override)

@@ -2,7 +2,8 @@
 
 from mjplug.core.memory import doubles
 from mjplug.core.scheduler import Event, Slow, Timer
-from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
+from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName, quoted
+from mjplug.frame import CdrFrame
 from mjplug.plugin.host import Host
 from mjplug.plugin.plugin import Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
@@ -13,6 +14,7 @@ __all__ = [
     "LATCHED",
     "LATEST",
     "Call",
+    "CdrFrame",
     "Event",
     "Host",
     "MjplugError",
@@ -26,4 +28,5 @@ __all__ = [
     "Timer",
     "UnknownName",
     "doubles",
+    "quoted",
 ]

@@ -33,8 +33,11 @@ def find(type_name: str) -> type[Plugin[Any]]:
     module_name, _, class_name = target.partition(":")
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise PluginError(f"plugin {type_name!r}: cannot import {module_name!r}: {error}") from error
+    except Exception as error:
+        # Whatever a foreign module does wrong, the user must hear which plugin it is.
+        raise PluginError(
+            f"plugin {type_name!r}: cannot import {module_name!r}: {type(error).__name__}: {error}"
+        ) from error
     found = getattr(module, class_name, None)
     if found is None:
         raise PluginError(f"plugin {type_name!r}: module {module_name!r} has no {class_name!r}")

@@ -12,11 +12,14 @@ from mjplug_schemas.message import Message, Service
 _LOG = logging.getLogger(__name__)
 
 MAX_OPEN_CALLS = 4096
-"""Default limit of requests that wait at the same time."""
+"""Default limit of requests that wait at the same time for services of one type."""
 
 
 class WireCall:
     """A decoded request. Implements `mjplug.transport.Call`; any thread may answer, the first answer counts.
+
+    Attributes:
+        service: The service's class.
 
     Args:
         inquiry: The request as it came.
@@ -32,7 +35,7 @@ class WireCall:
         self.request = request
         self.parameters: Mapping[str, str] = inquiry.parameters
         self._form = form
-        self._service = service
+        self.service = service
         self._open_calls = open_calls
         # Emptied by whoever answers: list.pop succeeds in one thread only.
         self._inquiry = [inquiry]
@@ -43,10 +46,8 @@ class WireCall:
         Raises:
             TypeError: It is not a response of this service; the call stays open.
         """
-        if type(response) is not self._service.Response:
-            raise TypeError(
-                f"{self._service.TYPE} needs a {self._service.Response.TYPE}, not {type(response).__name__}"
-            )
+        if type(response) is not self.service.Response:
+            raise TypeError(f"{self.service.TYPE} needs a {self.service.Response.TYPE}, not {type(response).__name__}")
         payload = encode(response, self._form)
         if inquiry := self._take():
             self._open_calls.replies.post(lambda: inquiry.reply(payload, self._form))
@@ -54,7 +55,7 @@ class WireCall:
     def refuse(self, reason: str) -> None:
         """Answers that the request failed, unless the call has been answered."""
         if inquiry := self._take():
-            self._open_calls.refuse(inquiry, self._service, reason, self._form)
+            self._open_calls.refuse(inquiry, self.service, reason, self._form)
 
     def _take(self) -> Inquiry | None:
         try:
@@ -72,24 +73,25 @@ class OpenCalls:
         replies: Sends the answers.
 
     Args:
-        limit: How many there may be.
+        limit: How many there may be to services of one type, so that a flood of one leaves the others in reach.
     """
 
     def __init__(self, limit: int = MAX_OPEN_CALLS) -> None:
         self._limit = limit
-        self._calls: set[WireCall] = set()
+        self._calls: dict[type[Service], set[WireCall]] = {}
         self._closed: str | None = None
         self.replies = Replies()
 
     def __len__(self) -> int:
-        return len(self._calls)
+        return sum(map(len, self._calls.values()))
 
     def admit(self, call: WireCall) -> bool:
         """Keeps a call until it is answered, or refuses it and returns False."""
-        if self._closed is None and len(self._calls) >= self._limit:
+        calls = self._calls.setdefault(call.service, set())
+        if self._closed is None and len(calls) >= self._limit:
             call.refuse(f"busy: {self._limit} requests are waiting already")
             return False
-        self._calls.add(call)
+        calls.add(call)
         # Read after adding: a call that slips in while `close` runs is seen by one of the two.
         if self._closed is not None:
             call.refuse(self._closed)
@@ -98,7 +100,7 @@ class OpenCalls:
 
     def discard(self, call: WireCall) -> None:
         """Forgets a call that has been answered."""
-        self._calls.discard(call)
+        self._calls.get(call.service, set()).discard(call)
 
     def refuse(self, inquiry: Inquiry, service: type[Service], reason: str, form: Form) -> None:
         """Answers a request that will not be carried out, in the words of its response type where it has them."""
@@ -117,7 +119,7 @@ class OpenCalls:
 
     def refuse_all(self, reason: str) -> None:
         """Refuses every call that waits."""
-        for call in tuple(self._calls):
+        for call in [call for calls in tuple(self._calls.values()) for call in tuple(calls)]:
             call.refuse(reason)
 
     def close(self, reason: str) -> None:

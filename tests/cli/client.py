@@ -19,6 +19,7 @@ class Answer:
     ok: bool
     payload: bytes
     encoding: str
+    attachment: bytes | None = None
 
     @property
     def json(self):
@@ -42,7 +43,15 @@ class Pending:
 
     def add(self, reply):
         result = reply.ok if reply.ok is not None else reply.err
-        self._replies.put(Answer(reply.ok is not None, result.payload.to_bytes(), str(result.encoding)))
+        attachment = reply.ok.attachment if reply.ok is not None else None
+        self._replies.put(
+            Answer(
+                reply.ok is not None,
+                result.payload.to_bytes(),
+                str(result.encoding),
+                None if attachment is None else attachment.to_bytes(),
+            )
+        )
 
     def close(self):
         self._replies.put(None)
@@ -82,6 +91,11 @@ class Listener:
         """Returns the messages that have come so far."""
         return [self.next() for _ in range(self._samples.qsize())]
 
+    def forget(self):
+        """Drops what has come so far."""
+        for _ in range(self._samples.qsize()):
+            self._samples.get()
+
     def until(self, condition, within=ANSWER):
         """Returns the first message that fulfils a condition, and drops those before it."""
         while True:
@@ -107,7 +121,7 @@ class Client:
     def __exit__(self, *_):
         self.session.close()
 
-    def send(self, selector, payload=None, encoding=None, timeout=30.0):
+    def send(self, selector, payload=None, encoding=None, attachment=None, timeout=30.0):
         """Sends a request as it stands."""
         pending = Pending()
         self.session.get(
@@ -115,6 +129,7 @@ class Client:
             Callback(pending.add, drop=pending.close),
             payload=payload,
             encoding=encoding,
+            attachment=attachment,
             timeout=timeout,
         )
         return pending
@@ -141,8 +156,9 @@ class Client:
         self._subscribers.append(self.session.declare_subscriber(key, listener.add))
         return listener
 
-    def put(self, key, payload, encoding=None):
-        self.session.put(key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK)
+    def put(self, key, payload, encoding=None, attachment=None):
+        block = zenoh.CongestionControl.BLOCK
+        self.session.put(key, payload, encoding=encoding, attachment=attachment, congestion_control=block)
 
 
 def wrench(body, force=(0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0), point=(0.0, 0.0, 0.0), seconds=0.0, ramp=0.0):

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from cli.attack import effects
 from cli.client import Client
 from cli.process import Served, run
 
@@ -84,3 +85,36 @@ def world(standing):
     standing.client.do("mjplug/set_pause", paused=True)
     standing.client.do("mjplug/reset_world")
     return standing
+
+
+@pytest.fixture(scope="session")
+def attacked():
+    """A server that runs in real time: it has something to lose."""
+    server = Served(
+        "scene.xml", "--plugin", "external_wrench", "--plugin", "probe:Probe:probe", "--plugin", "heartbeat",
+        "--set", "plugins.heartbeat.update_rate=50.0", cwd=WORLD,
+    )  # fmt: skip
+    with Client(server.endpoint) as client:
+        world = World(server, client)
+        world.beats = client.listen("mujoco_heartbeat/@json")
+        yield world
+    assert server.stop() == 0
+    assert "Traceback" not in server.err.text
+    # A flood of bad input is no flood of log lines.
+    assert server.err.text.count("\n") < 150
+    assert len(server.err.text) < 150_000
+
+
+@pytest.fixture
+def target(attacked):
+    """The server, which must be as it was when the test is over."""
+    attacked.client.do("mjplug/reset_world")
+    before = effects(attacked)
+    yield attacked
+    assert effects(attacked) == before
+    assert attacked.server.running
+    attacked.beats.forget()
+    while b"Heartbeat #" not in attacked.beats.sample().payload.to_bytes():
+        pass
+    assert attacked.client.do("mjplug/set_pause", paused=True) == "the simulation is now paused"
+    assert attacked.client.do("mjplug/set_pause", paused=False) == "the simulation is now running"

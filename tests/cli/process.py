@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
@@ -20,10 +21,16 @@ COMMAND = (sys.executable, "-m", "mjplug")
 FREE_PORT = ("--listen", "tcp/127.0.0.1:0")
 
 
+_BYTECODE = tempfile.TemporaryDirectory(prefix="mjplug-bytecode-")
+"""Compiled modules, shared by all processes of a test run: without them, each start takes twice as long."""
+
+
 def environment(more: Mapping[str, str] | None = None) -> dict[str, str]:
     """What a user's shell has, without settings for mjplug, and with plain wide output."""
-    own = {name: value for name, value in os.environ.items() if not name.startswith(("MJPLUG_", "FORCE_COLOR"))}
-    return own | {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200"} | dict(more or {})
+    foreign = ("MJPLUG_", "FORCE_COLOR", "PYTHONDONTWRITEBYTECODE")
+    own = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
+    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200", "PYTHONPYCACHEPREFIX": _BYTECODE.name}
+    return own | plain | dict(more or {})
 
 
 def run(

@@ -153,7 +153,7 @@ def test_one_unknown_body_refuses_the_whole_request(world):
     assert push.answer().json == {
         "success": False,
         "message": "external_wrenches[1]: unknown body 'link_c', did you mean 'link_b'?; "
-        "known: base_link, door, link_a, link_b, post, world; nothing was applied",
+        "known: base_link, door, hand, link_a, link_b, post, world; nothing was applied",
     }
     world.step(5)
     assert world.state()["qvel"] == [0.0] * 19

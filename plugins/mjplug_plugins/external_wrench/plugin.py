@@ -4,7 +4,7 @@ from itertools import count
 
 from pydantic import Field
 
-from mjplug.plugin import Call, Host, Parameters, Plugin, RequestError, Slow
+from mjplug.plugin import Call, Host, Parameters, Plugin, RequestError, Slow, quoted
 from mjplug_plugins.external_wrench import markers
 from mjplug_plugins.external_wrench.wrench import Wrench, parse
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
@@ -55,7 +55,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         wrenches = [self._parse(i, message) for i, message in enumerate(request.wrenches.external_wrenches)]
         wait = call.parameters.get("wait", "true")
         if wait not in ("true", "false"):
-            raise RequestError(f"parameter wait is {wait!r}; allowed: true, false")
+            raise RequestError(f"parameter wait is {quoted(wait)}; allowed: true, false")
         if not wrenches:
             return ApplyExternalWrench.Response(success=True, message="no wrench was given; nothing was applied")
         longest = max(wrench.duration for wrench in wrenches)

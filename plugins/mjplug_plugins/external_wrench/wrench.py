@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
 from mjplug.plugin import Host, RequestError, doubles
@@ -78,9 +79,9 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
     model, data = host.model, host.data
     name = message.wrench.header.frame_id
     body = host.body_id(name)
-    if model.body_weldid[body] == 0:
-        what = "is the world" if body == 0 else "is fixed to the world"
-        raise RequestError(f"body {name!r} {what}: a wrench cannot move it")
+    if not _movable(model, body):
+        fixed = "is fixed to the world" if model.body_weldid[body] == 0 else "follows a mocap pose"
+        raise RequestError(f"body {name!r} {'is the world' if body == 0 else fixed}: a wrench cannot move it")
     force = _vector(message.wrench.wrench.force, "wrench.wrench.force")
     torque = _vector(message.wrench.wrench.torque, "wrench.wrench.torque")
     point = _vector(message.application_point, "application_point")
@@ -102,6 +103,15 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         xmat=doubles(data.xmat[body]),
         xfrc_applied=doubles(data.xfrc_applied[body]),
     )
+
+
+def _movable(model: mujoco.MjModel, body: int) -> bool:
+    """Tells whether a joint anywhere between the world and the body lets it move."""
+    while body:
+        if model.body_dofnum[body]:
+            return True
+        body = int(model.body_parentid[body])
+    return False
 
 
 def _vector(value: Vector3 | Point, what: str) -> Vec:
