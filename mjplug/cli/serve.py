@@ -2,7 +2,7 @@
 
 import json
 import logging
-import sys
+import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
     from mjplug.config.draft import Draft
-    from mjplug.config.settings import Sim
+    from mjplug.config.settings import Settings, Sim
     from mjplug.core.simulation import Simulation
 
 PATIENCE = 2.0
@@ -78,6 +78,8 @@ def serve(
     import_mujoco()
     from mjplug.config.load import read  # noqa: PLC0415
 
+    if duration is not None and not math.isfinite(duration):
+        raise typer.BadParameter("it must be finite", param_hint="--duration")
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += ["sim.paused=true"] if paused else []
     # Quoted, so that a name such as 1 or on stays text.
@@ -118,16 +120,19 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         typer.echo(f"ok · {summary}")
         return
     from mjplug.wire.network import open_network  # noqa: PLC0415
+    from mjplug.wire.rmw_zenoh.keys import RosSettings  # noqa: PLC0415
     from mjplug.wire.session import SessionSettings  # noqa: PLC0415
 
     zenoh = settings.zenoh
     wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
-    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}")
+    ros2 = None
+    if settings.ros2.enabled:
+        ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro, _ros_parameters(settings))
+    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
     try:
         server = Server(settings, simulation, network, plugins)
         with stopping_on_signals(server.loop):
             typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")
-            sys.stdout.flush()
             server.run(duration)
     finally:
         network.close("the server is stopping")
@@ -140,20 +145,34 @@ def _state(sim: "Sim") -> str:
     return "speed max" if sim.speed == "max" else f"speed {sim.speed:g}"
 
 
+def _ros_parameters(settings: "Settings") -> dict[str, bool | int | float | str]:
+    """What does not change while the server runs."""
+    parameters: dict[str, bool | int | float | str] = {"use_sim_time": True, "model": settings.model}
+    parameters.update({f"sim.{name}": value for name, value in settings.sim.model_dump(exclude={"paused"}).items()})
+    return parameters
+
+
 def _plugins(wanted: list[str]) -> list[str]:
     """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`.
 
     Raises:
         BadParameter: Two of them have one name.
     """
+    from mjplug.config.problem import Mark, Problem, Source  # noqa: PLC0415
     from mjplug.plugin.registry import registered  # noqa: PLC0415
+    from mjplug_schemas.errors import NameRuleError  # noqa: PLC0415
+    from mjplug_schemas.names import validate_node_name  # noqa: PLC0415
 
     sets: dict[str, str] = {}
     for text in wanted:
         kind, colon, name = text.rpartition(":")
-        # In module:Class the colon belongs to the type.
-        if not colon or (kind not in registered() and ":" not in kind):
+        # In module:Class the colon belongs to the type; a class begins with a capital letter, an instance rarely does.
+        if not colon or (kind not in registered() and ":" not in kind and name[:1].isupper()):
             kind, name = text, text.replace(":", "/").split("/")[-1]
+        try:
+            validate_node_name(name)
+        except NameRuleError as error:
+            raise ConfigError([Problem(str(error), Mark(Source(f"--plugin {text}")))]) from error
         if name in sets:
             raise typer.BadParameter(f"two plugins are called {name!r}; give one a name: --plugin {kind}:NAME")
         sets[name] = f"plugins.{name}.type={json.dumps(kind)}"

@@ -12,6 +12,9 @@ from mjplug.errors import ConfigError, did_you_mean
 
 PREFIX = "MJPLUG_"
 
+ROS_DOMAIN = "ROS_DOMAIN_ID"
+"""What ROS 2 nodes on this machine are told; it counts where nobody says `ros2.domain_id`."""
+
 RESERVED = ("MJPLUG_LOG",)
 """Variables that begin like this say something else than the configuration."""
 
@@ -24,10 +27,15 @@ def put_model(tree: Tree, model: str) -> None:
 def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
     """Puts in `MJPLUG_SIM__SPEED=2` and its like; `__` goes down one level.
 
+    ROS_DOMAIN_ID is ROS's own: it is weaker than the files.
+
     Returns:
         What is wrong with them.
     """
     problems: list[Problem] = []
+    ros_domain = environ.get(ROS_DOMAIN, "")
+    if ros_domain and isinstance(tree.get(("ros2",)), dict | None) and tree.get(("ros2", "domain_id")) is None:
+        problems += _put_text(tree, ["ros2", "domain_id"], ros_domain, Source(f"environment {ROS_DOMAIN}"))
     for name, text in sorted(environ.items()):
         if not name.startswith(PREFIX) or name.startswith(RESERVED):
             continue

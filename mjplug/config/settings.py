@@ -67,7 +67,12 @@ class Ros2(Section):
     """How ROS 2 nodes on rmw_zenoh see the server."""
 
     enabled: bool = Field(True, description="Whether topics and services appear in the ROS 2 graph.")
-    domain_id: int = Field(0, ge=0, le=232, description="The ROS domain (ROS_DOMAIN_ID of the nodes).")
+    domain_id: int = Field(
+        0, ge=0, le=232, description="The ROS domain of the nodes; where it is not said, ROS_DOMAIN_ID says it."
+    )
+    distro: Literal["humble", "jazzy", "kilted", "lyrical", "rolling"] = Field(
+        "jazzy", description="The distribution of the nodes. Humble has no type hashes; the others are served alike."
+    )
 
 
 class PluginEntry(BaseModel):

@@ -14,6 +14,9 @@ from mjplug.wire.encoding import MAX_PAYLOAD
 from mjplug.wire.interfaces import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.plain import PlainDialect
 from mjplug.wire.publisher import WirePublisher
+from mjplug.wire.rmw_zenoh.dialect import RmwZenohDialect
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.node_services import offer_node_services
 from mjplug.wire.service import ServiceServer
 from mjplug.wire.session import SessionSettings, WireSession, open_session
 from mjplug.wire.subscription import Subscription
@@ -146,15 +149,24 @@ def open_network(
     name: str,
     max_payload: int = MAX_PAYLOAD,
     max_open_calls: int = MAX_OPEN_CALLS,
+    ros2: RosSettings | None = None,
 ) -> Network:
     """Opens the session of the server called `name`, such as `/robot1/mjplug`, and speaks the plain dialect on it.
+
+    With `ros2`, it speaks that of rmw_zenoh too.
 
     Raises:
         WireError: The session cannot be opened, or another server has the name.
     """
     session = open_session(settings, name)
     try:
-        return Network(session, name, [PlainDialect(session.zenoh)], max_payload, max_open_calls)
+        plain = PlainDialect(session.zenoh)
+        if ros2 is None:
+            return Network(session, name, [plain], max_payload, max_open_calls)
+        rmw_zenoh = RmwZenohDialect(session.zenoh, name, ros2)
+        network = Network(session, name, [plain, rmw_zenoh], max_payload, max_open_calls)
+        offer_node_services(rmw_zenoh, name, ros2, network.open_calls)
+        return network
     except BaseException:
         # An open session would keep the process from ending.
         session.close()

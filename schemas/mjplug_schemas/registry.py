@@ -8,11 +8,13 @@ from mjplug_schemas import (
     builtin_interfaces,
     geometry_msgs,
     mujoco_ros2_control_msgs,
+    rcl_interfaces,
     rosgraph_msgs,
     sensor_msgs,
     service_msgs,
     std_msgs,
     std_srvs,
+    type_description_interfaces,
     visualization_msgs,
 )
 from mjplug_schemas.errors import DefinitionError, UnknownType
@@ -22,11 +24,13 @@ _PACKAGES = (
     builtin_interfaces,
     geometry_msgs,
     mujoco_ros2_control_msgs,
+    rcl_interfaces,
     rosgraph_msgs,
     sensor_msgs,
     service_msgs,
     std_msgs,
     std_srvs,
+    type_description_interfaces,
     visualization_msgs,
 )
 

@@ -214,6 +214,27 @@ def test_set_wins_over_environment_over_file_over_default(config):
     assert config(text, "model=set.xml", model="option.xml").settings.model == "set.xml"
 
 
+@pytest.mark.parametrize(
+    ("text", "environ", "domain"),
+    [
+        ("model: a", {}, 0),
+        ("model: a", {"ROS_DOMAIN_ID": ""}, 0),
+        ("model: a", {"ROS_DOMAIN_ID": "42"}, 42),
+        ("model: a\nros2: {enabled: true}", {"ROS_DOMAIN_ID": "42"}, 42),
+        ("model: a\nros2: {domain_id: 3}", {"ROS_DOMAIN_ID": "42"}, 3),
+        ("model: a", {"ROS_DOMAIN_ID": "42", "MJPLUG_ROS2__DOMAIN_ID": "5"}, 5),
+    ],
+)
+def test_the_domain_of_ros_counts_where_nobody_says_one(config, text, environ, domain):
+    assert config(text, **environ).settings.ros2.domain_id == domain
+
+
+def test_a_wrong_domain_of_ros_is_named(config):
+    assert refusal(config, "model: a", ROS_DOMAIN_ID="many") == (
+        "environment ROS_DOMAIN_ID: error: ros2.domain_id: Input should be a whole number, not 'many'"
+    )
+
+
 def test_option_values_follow_the_rules_of_the_file(config):
     loaded = config(
         DESIGN,

@@ -215,7 +215,8 @@ def test_an_unknown_type_is_explained(name, hint):
     assert isinstance(caught.value, UnknownType)
     assert str(caught.value) == (
         f"unknown type {name!r}{hint}; known packages: builtin_interfaces, geometry_msgs, mujoco_ros2_control_msgs, "
-        "rosgraph_msgs, sensor_msgs, service_msgs, std_msgs, std_srvs, visualization_msgs"
+        "rcl_interfaces, rosgraph_msgs, sensor_msgs, service_msgs, std_msgs, std_srvs, type_description_interfaces, "
+        "visualization_msgs"
     )
 
 

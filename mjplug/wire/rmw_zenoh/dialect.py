@@ -1,0 +1,145 @@
+"""Topics and services as ROS 2 nodes with rmw_zenoh see them: no bridge, no ROS on the server's side.
+
+Everything is declared first and announced by its token afterwards, so that whoever sees the token finds it working.
+"""
+
+from collections.abc import Callable, Mapping
+from itertools import count
+from typing import Any
+
+import zenoh
+from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
+from zenoh.handlers import Callback
+
+from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.wire.dialect import Inquiry, Outlet
+from mjplug.wire.encoding import TEXT, Received
+from mjplug.wire.rejections import Rejections
+from mjplug.wire.rmw_zenoh.attachment import Attachment
+from mjplug.wire.rmw_zenoh.inquiry import RmwInquiry
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.mismatches import Mismatches
+from mjplug.wire.rmw_zenoh.outlets import LatchedRmwOutlet, LiveRmwOutlet
+from mjplug.wire.rmw_zenoh.qos import SERVICE, qos_chunk
+from mjplug.wire.rmw_zenoh.tokens import EndpointKind, Node, gid
+from mjplug_schemas.message import Message, Service
+
+
+class RmwZenohDialect:
+    """Implements `mjplug.wire.dialect.Dialect` on one session, as one ROS 2 node.
+
+    Attributes:
+        types: The types of all topics and services, by their names.
+
+    Args:
+        session: The session.
+        name: The node's full name, such as `/robot1/mjplug`.
+        settings: The domain and the distribution.
+    """
+
+    def __init__(self, session: zenoh.Session, name: str, settings: RosSettings) -> None:
+        self.types: dict[str, type[Message] | type[Service]] = {}
+        self._session = session
+        self._settings = settings
+        self._ids = count()
+        namespace, _, node = name.rpartition("/")
+        self._node = Node(settings.domain_id, str(session.zid()), next(self._ids), namespace, node)
+        self._mismatches = Mismatches(session, settings.domain_id, name)
+        self._outlets: list[LiveRmwOutlet | LatchedRmwOutlet] = []
+        self._inlets: list[object] = []
+        self._tokens = [session.liveliness().declare_token(self._node.token)]
+
+    def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
+        """Returns the data key."""
+        return {"ros2_key": self._settings.data_key(topic.name, topic.type)}
+
+    def service_keys(self, service: ServiceName) -> Mapping[str, str]:
+        """Returns the data key."""
+        return {"ros2_key": self._settings.data_key(service.name, service.type)}
+
+    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
+        """Declares and announces the publisher of a topic."""
+        key = self._settings.data_key(topic.name, topic.type)
+        token = self._token("MP", topic.name, topic.type, topic.qos)
+        outlet: LiveRmwOutlet | LatchedRmwOutlet
+        if topic.qos.durability == "transient_local":
+            outlet = LatchedRmwOutlet(self._session, key, gid(token), topic.qos)
+        else:
+            outlet = LiveRmwOutlet(self._session, key, gid(token), topic.qos, on_matched)
+        self._outlets.append(outlet)
+        self._announce(token, "MP", topic.name, topic.type)
+        return [outlet]
+
+    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+        """Declares and announces the subscription of a topic."""
+
+        def handle(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                # The encoding says nothing: nodes leave it out, and read whatever it says.
+                receive(Received(sample.payload, None, "cdr"))
+
+        key, handler = self._settings.any_hash_key(topic.name, topic.type), Callback(handle, indirect=False)
+        if topic.qos.durability == "volatile":
+            self._inlets.append(self._session.declare_subscriber(key, handler))
+        else:
+            reliable = topic.qos.reliability == "reliable"
+            self._inlets.append(
+                declare_advanced_subscriber(
+                    self._session,
+                    key,
+                    handler,
+                    history=HistoryConfig(detect_late_publishers=True, max_samples=topic.qos.depth),
+                    recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if reliable else None,
+                    subscriber_detection=True,
+                )
+            )
+        # Without this token, publishers of Lyrical and later would not put large messages on this key.
+        self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
+
+    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None], qos: QoS = SERVICE) -> None:
+        """Declares and announces the server of a service."""
+        any_key = self._settings.any_hash_key(service.name, service.type)
+        own_key = self._settings.data_key(service.name, service.type)
+        unreadable = Rejections(f"service {service.name}: a query was no request of a ROS 2 node")
+
+        def handle(query: zenoh.Query) -> None:
+            key = str(query.key_expr)
+            if key == any_key:
+                key = own_key
+            if "*" in key:
+                refuse(query, f"{own_key} is a service; query exactly this key to call it")
+                return
+            try:
+                attachment = Attachment.from_bytes(bytes(query.attachment) if query.attachment is not None else b"")
+            except ValueError as error:
+                unreadable.add(str(error))
+                refuse(query, str(error))
+            else:
+                receive(RmwInquiry(query, key, attachment))
+
+        def refuse(query: zenoh.Query, sentence: str) -> None:
+            # Whoever asks like this is no ROS 2 node that could read a response.
+            with query:
+                query.reply_err(sentence.encode(), encoding=TEXT)
+
+        # Complete, since clients ask only those servers that say so.
+        self._inlets.append(self._session.declare_queryable(any_key, Callback(handle, indirect=False), complete=True))
+        self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
+
+    def close(self) -> None:
+        """Makes every outlet unmatched, for good, and leaves the graph: the endpoints first, the node last."""
+        for outlet in self._outlets:
+            outlet.close()
+        while self._tokens:
+            # zenoh's stubs leave the return type open.
+            self._tokens.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    def _token(self, kind: EndpointKind, name: str, interface: Any, qos: QoS) -> str:
+        self.types[interface.TYPE] = interface
+        return self._node.endpoint_token(
+            next(self._ids), kind, name, interface.TYPE, self._settings.type_hash(interface), qos_chunk(qos)
+        )
+
+    def _announce(self, token: str, kind: EndpointKind, name: str, interface: Any) -> None:
+        self._tokens.append(self._session.liveliness().declare_token(token))
+        self._mismatches.watch(kind, name, interface.TYPE, self._settings.type_hash(interface))

@@ -1,0 +1,50 @@
+"""Data keys: `<domain>/<name>/<type as in DDS>/<type hash>`, the same for a topic and for a service.
+
+Whoever puts or asks names one hash. Whoever listens or answers leaves it open (`*`), so that a type whose definition
+differs between two distributions is heard and can be talked about.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from mjplug_schemas import names
+from mjplug_schemas.message import Message, Service
+from mjplug_schemas.rihs01 import type_hash
+
+Distro = Literal["humble", "jazzy", "kilted", "lyrical", "rolling"]
+
+NO_HASH = "TypeHashNotSupported"
+"""What stands in place of a type hash in Humble, which has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class RosSettings:
+    """Which ROS 2 nodes the server speaks with.
+
+    Attributes:
+        domain_id: Their ROS_DOMAIN_ID.
+        distro: Their distribution; only Humble differs from the others.
+        parameters: What the server's node has as read-only parameters.
+    """
+
+    domain_id: int = 0
+    distro: Distro = "jazzy"
+    parameters: Mapping[str, bool | int | float | str] = field(default_factory=lambda: {"use_sim_time": True})
+
+    def type_hash(self, interface: type[Message] | type[Service]) -> str:
+        """Returns the hash of a type as the distribution writes it."""
+        # Any: mypy does not take a class for a hashable argument of a cached function.
+        hashable: Any = interface
+        return NO_HASH if self.distro == "humble" else type_hash(hashable)
+
+    def data_key(self, name: str, interface: type[Message] | type[Service]) -> str:
+        """Returns the key of a topic or service by its full ROS name."""
+        return f"{self._any_key(name, interface)}/{self.type_hash(interface)}"
+
+    def any_hash_key(self, name: str, interface: type[Message] | type[Service]) -> str:
+        """Returns the same key with the hash left open."""
+        return f"{self._any_key(name, interface)}/*"
+
+    def _any_key(self, name: str, interface: type[Message] | type[Service]) -> str:
+        return f"{self.domain_id}/{names.key(name)}/{names.dds_type(interface.TYPE)}"

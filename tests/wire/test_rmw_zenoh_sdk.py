@@ -1,0 +1,170 @@
+"""zenoh-ros2-sdk as a ROS 2 node: it reads and writes rmw_zenoh's format with code of its own."""
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from cli.process import Served
+
+from mjplug.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topic
+from mjplug.wire.network import open_network
+from mjplug.wire.rmw_zenoh.attachment import Attachment
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.parameters import parameter_value
+from mjplug.wire.session import SessionSettings
+from mjplug_schemas import registry
+from mjplug_schemas.builtin_interfaces import Time
+from mjplug_schemas.definition import definition
+from mjplug_schemas.geometry_msgs import Twist, Vector3
+from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
+from mjplug_schemas.rcl_interfaces import GetParameters
+from mjplug_schemas.rosgraph_msgs import Clock
+from mjplug_schemas.std_msgs import String
+
+PEER = Path(__file__).parent / "sdk_peer.py"
+PATIENCE = 30.0
+
+
+@pytest.fixture(scope="module")
+def definitions(tmp_path_factory):
+    """A folder of all definitions, laid out like those of ROS."""
+    folder = tmp_path_factory.mktemp("share")
+    for name, interface in registry.all_types().items():
+        file = folder / f"{name}.{name.split('/')[1]}"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(definition(interface))
+    return folder
+
+
+@pytest.fixture
+def start_peer(definitions, tmp_path):
+    """Starts the peer; returns what it tells, as a queue of pairs."""
+    started = []
+
+    def start(endpoint, *arguments):
+        environment = os.environ | {
+            "HOME": str(tmp_path),
+            "GIT_PYTHON_REFRESH": "quiet",
+            "ROS_DOMAIN_ID": "0",
+            "ZENOH_CONFIG_OVERRIDE": 'listen/endpoints=["tcp/127.0.0.1:0"]',
+        }
+        process = subprocess.Popen(
+            [sys.executable, PEER, endpoint.rpartition(":")[2], definitions, *arguments],
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        started.append(process)
+        lines = queue.SimpleQueue()
+
+        def read():
+            for line in process.stdout:
+                # The log of the library goes to the same place.
+                if line.startswith("["):
+                    lines.put(tuple(json.loads(line)))
+            lines.put(("end", process.wait()))
+
+        threading.Thread(target=read, daemon=True).start()
+        return lines
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer):
+    network = opened(open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/robot1/mjplug", ros2=RosSettings()))
+    heard = {"heartbeat": threading.Event(), "clock": threading.Event()}
+    twists, calls = queue.SimpleQueue(), queue.SimpleQueue()
+    heartbeat = network.open_publisher(Topic("/mujoco_heartbeat", String, DEFAULT), heard["heartbeat"].set)
+    clock = network.open_publisher(Topic("/clock", Clock, CLOCK), heard["clock"].set)
+    network.open_subscription(Topic("/robot1/cmd_vel", Twist, LATEST), twists.put)
+    network.open_service(ServiceName("/external_wrench/apply_wrench", ApplyExternalWrench), calls.put)
+    peer = start_peer(network.session.endpoint, "pelvis", "/robot1/cmd_vel")
+    assert all(event.wait(PATIENCE) for event in heard.values())
+    heartbeat.publish(String(data="alive"))
+    assert peer.get(timeout=PATIENCE) == ("/mujoco_heartbeat", "alive")
+    clock.publish(Clock(clock=Time(sec=3, nanosec=20_000_000)))
+    assert peer.get(timeout=PATIENCE) == ("/clock", 20_000_000)
+    assert twists.get(timeout=PATIENCE) == Twist(linear=Vector3(x=0.5), angular=Vector3(z=-1.0))
+    call = calls.get(timeout=PATIENCE)
+    (wrench,) = call.request.wrenches.external_wrenches
+    assert (wrench.wrench.header.frame_id, wrench.wrench.wrench.force.x) == ("pelvis", 1.0)
+    assert wrench.duration.nanosec == 300_000_000
+    call.respond(ApplyExternalWrench.Response(success=True, message="the push is over"))
+    told = dict(peer.get(timeout=PATIENCE) for _ in range(5))
+    of_every_node = {name for name in told["services"] if name.startswith("/robot1/mjplug/")}
+    assert {told["services"].pop(name)[0].partition("/")[0] for name in of_every_node} == {
+        "rcl_interfaces",
+        "type_description_interfaces",
+    }
+    assert told == {
+        "response": [True, "the push is over"],
+        "topics": {
+            "/clock": ["rosgraph_msgs/msg/Clock"],
+            "/mujoco_heartbeat": ["std_msgs/msg/String"],
+            "/robot1/cmd_vel": ["geometry_msgs/msg/Twist"],
+        },
+        "services": {
+            "/external_wrench/apply_wrench": ["mujoco_ros2_control_msgs/srv/ApplyExternalWrench"],
+        },
+        "clock publisher": ["/robot1", "mjplug", "2::,1:,:,:,,"],
+        "end": 0,
+    }
+
+
+def test_a_foreign_node_meets_a_server_with_its_default_settings(start_peer, tmp_path):
+    plugins = ("--plugin", "heartbeat", "--plugin", "external_wrench", "--speed", "2", "--quiet")
+    served = Served("bundled:box", *plugins, cwd=tmp_path, env={"ROS_DOMAIN_ID": "0"})
+    try:
+        peer = start_peer(served.endpoint, "box")
+        told = dict(peer.get(timeout=PATIENCE) for _ in range(7))
+        assert served.stop() == 0
+    finally:
+        served.kill()
+    assert told["/mujoco_heartbeat"].startswith("MuJoCo ROS2 Control Heartbeat #")
+    assert told["response"][0] is True
+    assert told["topics"]["/mujoco_heartbeat"] == ["std_msgs/msg/String"]
+    assert told["services"]["/mjplug/set_pause"] == ["mujoco_ros2_control_msgs/srv/SetPause"]
+    assert told["clock publisher"] == ["/", "mjplug", "2::,1:,:,:,,"]
+    assert told["end"] == 0
+    # With the same definitions on both sides, there is nothing to warn of.
+    assert "type hash" not in served.err.text
+
+
+def test_the_node_of_a_server_has_its_configuration_as_parameters(client_of, tmp_path):
+    served = Served("bundled:box", "--set", "sim.seed=3", "--set", "ros2.domain_id=7", "--quiet", cwd=tmp_path)
+    try:
+        names = ("use_sim_time", "model", "sim.seed", "sim.speed")
+        (reply,) = client_of(served.endpoint).session.get(
+            RosSettings(7).data_key("/mjplug/get_parameters", GetParameters),
+            payload=GetParameters.Request(names=names).to_cdr(),
+            attachment=Attachment(1, 1, bytes(16)).to_bytes(),
+            timeout=PATIENCE,
+        )
+        values = GetParameters.Response.from_cdr(bytes(reply.ok.payload)).values
+    finally:
+        served.stop()
+        served.kill()
+    assert values == tuple(map(parameter_value, (True, "bundled:box", 3, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("options", "domains"),
+    [(("--set", "ros2.enabled=false"), set()), ((), {"42"}), (("--set", "ros2.domain_id=7"), {"7"})],
+)
+def test_the_configuration_says_who_sees_the_server(client_of, tmp_path, options, domains):
+    served = Served("bundled:box", *options, cwd=tmp_path, env={"ROS_DOMAIN_ID": "42"})
+    try:
+        tokens = client_of(served.endpoint).session.liveliness().get("@ros2_lv/**", timeout=PATIENCE)
+        assert {str(reply.ok.key_expr).split("/")[1] for reply in tokens} == domains
+    finally:
+        served.stop()
+        served.kill()
