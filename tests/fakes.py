@@ -46,7 +46,7 @@ class FakePublisher:
         self.messages.append(message)
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        self.messages.append(bytes(frame.payload()))
+        self.messages.append(frame.type.from_cdr(frame.payload()))
 
 
 class FakeTransport:

@@ -1,0 +1,175 @@
+"""Publishes pose and velocity of bodies with a free joint, in the world or relative to a body."""
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator
+
+from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, UnknownName
+from mjplug_plugins.free_body import FreeBody, free_bodies, free_body
+from mjplug_schemas.geometry_msgs import PoseStamped, TwistStamped
+from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray
+from mjplug_schemas.std_msgs import Header
+
+Array = NDArray[np.float64]
+
+_NUMBERS = (
+    *(f"pose.pose.position.{axis}" for axis in "xyz"),
+    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
+    *(f"twist.twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"),
+)
+"""The numbers of one body, in the order of `qpos` and `qvel`."""
+
+
+class FreeJointStatePublisherParameters(Parameters):
+    """Parameters of FreeJointStatePublisher."""
+
+    frame_id: str = Field(default="", description="Body in whose frame the states are; empty is the world.")
+    body_names: tuple[str, ...] = Field(
+        default=(), strict=False, description="Bodies to publish, in this order; empty means all with a free joint."
+    )
+    topic: str = Field(default="free_joint_states", description="Topic name.")
+    publish_rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")
+
+    @field_validator("body_names")
+    @classmethod
+    def _each_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"each body can be listed once only, and {', '.join(map(repr, twice))} comes twice")
+        return names
+
+
+class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
+    """Publishes the state of bodies with a free joint as `mujoco_ros2_control_msgs/FreeJointStateArray`.
+
+    Both velocities are in the axes of the frame, and seen from the world: that of the frame's body is not subtracted.
+    The entries of a message sent to `~/set_free_joint_state` bring exactly that state back.
+    """
+
+    def init(self, host: Host, parameters: FreeJointStatePublisherParameters) -> None:
+        """Prepares the message and starts the timer."""
+        self._host = host
+        reference, frame_id = _frame(host, parameters.frame_id)
+        bodies = _bodies(host, parameters.body_names)
+        self._states = _States(host, bodies, reference)
+        self._message = CdrFrame(_message(bodies, frame_id))
+        self._numbers = self._message.slots(
+            f"free_joints[{i}].{number}" for number, i in product(_NUMBERS, range(len(bodies)))
+        )
+        self._sec, self._nanosec = (self._message.slots(_stamps(len(bodies), part)) for part in ("sec", "nanosec"))
+        self._seconds = 0
+        self._publisher = host.create_publisher(FreeJointStateArray, parameters.topic)
+        host.create_timer(1.0 / parameters.publish_rate, self._publish, while_matched=self._publisher)
+
+    def _publish(self) -> None:
+        self._states.read()
+        self._numbers.write(self._states.flat)
+        seconds, nanoseconds = divmod(self._host.time_ns, 1_000_000_000)
+        if seconds != self._seconds:
+            self._seconds = seconds
+            self._sec.write(seconds)
+        self._nanosec.write(nanoseconds)
+        self._publisher.publish_frame(self._message)
+
+
+class _States:
+    """The numbers of all bodies at one instant.
+
+    They are kept one row a number, one column a body, because numpy is quickest along rows. `take` with `clip` needs no
+    copy in between; the indices are all valid.
+
+    Attributes:
+        flat: The thirteen numbers of `_NUMBERS` for n bodies, row after row, shape (13 n,).
+
+    Args:
+        host: Where the state is.
+        bodies: The bodies.
+        reference: Id of the body in whose frame the numbers are; 0 is the world.
+    """
+
+    def __init__(self, host: Host, bodies: list[FreeBody], reference: int) -> None:
+        self._host = host
+        self._reference = reference
+        self._qpos, self._qvel, self._xmat = host.data.qpos, host.data.qvel, host.data.xmat.reshape(-1)
+        self._pose_index = _index([body.qpos for body in bodies], 7)
+        self._twist_index = _index([body.dof for body in bodies], 6)
+        # Column by column of each rotation matrix: entry j, i is that of row i and column j.
+        self._xmat_index = _index([9 * body.body for body in bodies], 9).reshape(3, 3, -1).transpose(1, 0, 2).copy()
+        self.flat = np.empty(13 * len(bodies))
+        rows = self.flat.reshape(13, -1)
+        self._pose, self._twist = rows[:7], rows[7:]
+        self._position, self._quat, self._linear, self._angular = rows[:3], rows[3:7], rows[7:10], rows[10:]
+        self._local = self._angular[:, None]
+        self._products = np.empty((3, 3, len(bodies)))
+        self._first, self._second, self._third = self._products
+
+    def read(self) -> None:
+        """Brings the numbers up to the current state."""
+        self._host.kinematics()
+        self._qpos.take(self._pose_index, out=self._pose, mode="clip")
+        self._qvel.take(self._twist_index, out=self._twist, mode="clip")
+        # MuJoCo keeps angular velocities in the axes of their own bodies; this turns them into those of the world.
+        self._xmat.take(self._xmat_index, out=self._products, mode="clip")
+        np.multiply(self._products, self._local, self._products)
+        np.add(self._first, self._second, self._angular)
+        np.add(self._angular, self._third, self._angular)
+        if self._reference:
+            self._express()
+
+    def _express(self) -> None:
+        """Turns what is seen from the world into what is seen from the reference body's current pose."""
+        data, reference = self._host.data, self._reference
+        to_frame = data.xmat[reference].reshape(3, 3).T
+        self._position[:] = to_frame @ (self._position - data.xpos[reference][:, None])
+        self._quat[:] = _left_product(data.xquat[reference] * (1.0, -1.0, -1.0, -1.0)) @ self._quat
+        self._linear[:] = to_frame @ self._linear
+        self._angular[:] = to_frame @ self._angular
+
+
+def _bodies(host: Host, names: tuple[str, ...]) -> list[FreeBody]:
+    if names:
+        return [free_body(host, name) for name in names]
+    found = free_bodies(host.model)
+    named = [body for body in found if body.name]
+    if len(named) < len(found):
+        count = len(found) - len(named)
+        host.logger.warning("not published, as they have no name: %d of the bodies with a free joint", count)
+    if not named:
+        host.logger.warning("the model has no body with a free joint: the messages are empty")
+    return named
+
+
+def _frame(host: Host, name: str) -> tuple[int, str]:
+    """Returns the reference body's id, 0 for the world, and the name to publish."""
+    if not name:
+        return 0, ""
+    try:
+        return host.body_id(name), name
+    except UnknownName as error:
+        host.logger.error("frame_id: %s; the world frame is used instead", error)
+        return 0, ""
+
+
+def _message(bodies: list[FreeBody], frame_id: str) -> FreeJointStateArray:
+    header = Header(frame_id=frame_id)
+    pose, twist = PoseStamped(header=header), TwistStamped(header=header)
+    states = [FreeJointState(name=body.name, pose=pose, twist=twist) for body in bodies]
+    return FreeJointStateArray(header=header, free_joints=states)
+
+
+def _stamps(bodies: int, part: str) -> list[str]:
+    headers = ["header", *(f"free_joints[{i}].{which}.header" for i in range(bodies) for which in ("pose", "twist"))]
+    return [f"{header}.stamp.{part}" for header in headers]
+
+
+def _index(starts: list[int], count: int) -> NDArray[np.intp]:
+    """Returns, in column b of shape (count, n), the `count` places from `starts[b]` on."""
+    return np.arange(count, dtype=np.intp)[:, None] + np.array(starts, np.intp)
+
+
+def _left_product(quat_wxyz: Array) -> Array:
+    """Returns the matrix that multiplies quaternions (w, x, y, z) by this one from the left."""
+    w, x, y, z = quat_wxyz
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
