@@ -126,7 +126,8 @@ class Client:
         pending = Pending()
         self.session.get(
             selector,
-            Callback(pending.add, drop=pending.close),
+            # Directly, since otherwise Zenoh starts a thread for each request.
+            Callback(pending.add, drop=pending.close, indirect=False),
             payload=payload,
             encoding=encoding,
             attachment=attachment,
@@ -153,7 +154,7 @@ class Client:
 
     def listen(self, key):
         listener = Listener()
-        self._subscribers.append(self.session.declare_subscriber(key, listener.add))
+        self._subscribers.append(self.session.declare_subscriber(key, Callback(listener.add, indirect=False)))
         return listener
 
     def put(self, key, payload, encoding=None, attachment=None):

@@ -91,8 +91,10 @@ def test_every_plugin_has_a_section_with_its_names_and_parameters(plugin_class):
 
 def test_every_topic_and_service_is_in_a_table_with_its_type():
     transport = FakeTransport()
-    model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    selected = [Selected(c.__name__, c, c.parameters_type()) for c in CLASSES]
+    body = "<body name='box'><freejoint/><geom size='.1'/></body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    required = {"BaseVelocity": {"body": "box"}}
+    selected = [Selected(c.__name__, c, c.parameters_type(**required.get(c.__name__, {}))) for c in CLASSES]
     Server(Settings(model="?"), Simulation(model), transport, selected).cleanup()
     assert len(transport.types) >= 9
     own = rows(section(WIRE, "Names of the server"))

@@ -14,7 +14,7 @@ from mjplug.services import set_free_joint_state
 from mjplug_plugins.base_velocity import BaseVelocity
 from mjplug_plugins.free_joint_state_publisher import FreeJointStatePublisher, FreeJointStatePublisherParameters
 from mjplug_schemas.geometry_msgs import Twist, Vector3
-from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray, SetFreeJointState
+from mjplug_schemas.mujoco_ros2_control_msgs import SetFreeJointState
 
 TOPIC, SERVICE = "/states/free_joint_states", "/mjplug/set_free_joint_state"
 
@@ -58,8 +58,8 @@ def publisher(world, **parameters):
     return world.add(FreeJointStatePublisher, "states", **{"publish_rate": 500.0, **parameters})
 
 
-def messages(world, topic=TOPIC):
-    return [FreeJointStateArray.from_cdr(m) if isinstance(m, bytes) else m for m in world.published(topic)]
+def messages(world):
+    return world.published(TOPIC)
 
 
 def numbers(state):

@@ -13,7 +13,6 @@ from mjplug.core.reset import Reset
 from mjplug.errors import ConfigError, MjplugError
 from mjplug.plugin.selection import select
 from mjplug_plugins.rangefinder_lidar import LidarParameters, RangefinderLidar
-from mjplug_schemas.sensor_msgs import LaserScan
 
 DT = 0.002
 
@@ -74,7 +73,7 @@ def world_of(xml, name="scanner", **parameters):
 
 
 def scans(world, topic="/scan"):
-    return [LaserScan.from_cdr(m) if isinstance(m, bytes) else m for m in world.published(topic)]
+    return world.published(topic)
 
 
 def sensors_now(world, names):
