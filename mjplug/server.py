@@ -53,7 +53,7 @@ class Server:
         self._settings = settings
         self._transport = transport
         self._cleanups = ExitStack()
-        host = self._host(settings.node_name)
+        host = self._host(settings.node_name, disable_on_error=False)
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         clock.offer(host, self.loop, sim.clock_rate)
@@ -75,8 +75,10 @@ class Server:
             loop.last_step = loop.simulation.time.steps_covering(round(duration * 1e9))
         with self._cleanups, process.quick_switching():
             process.prefer_this_thread()
-            loop.run()
-            loop.scheduler.close_jobs("cancelled: the server is stopping")
+            try:
+                loop.run()
+            finally:
+                loop.scheduler.close_jobs("cancelled: the server is stopping")
         if loop.failure is not None:
             raise loop.failure
 
@@ -85,7 +87,7 @@ class Server:
         self._cleanups.close()
 
     def _start(self, selected: Selected) -> None:
-        host = self._host(selected.name)
+        host = self._host(selected.name, self._settings.on_plugin_error == "disable")
         plugin = self.plugins[selected.name] = selected.plugin_class()
         self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
         host.attach(plugin)
@@ -97,7 +99,7 @@ class Server:
             _log.exception("plugin %s failed to start", selected.name)
             raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
 
-    def _host(self, name: str) -> Host:
+    def _host(self, name: str, disable_on_error: bool) -> Host:
         settings = self._settings
         return Host(
             name,
@@ -105,7 +107,7 @@ class Server:
             self._transport,
             partial(resolve, namespace=settings.namespace, node=name, remap=settings.remap),
             settings.sim.seed,
-            settings.on_plugin_error == "disable",
+            disable_on_error,
         )
 
     @staticmethod

@@ -3,10 +3,15 @@
 import mujoco
 import pytest
 from fakes import FakeTransport
+from hypothesis import settings
 
 from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
 from mjplug.plugin import Host
+
+# A busy machine is no failure.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
 
 BOX = """
 <mujoco>

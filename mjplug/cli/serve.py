@@ -131,11 +131,16 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
     try:
         server = Server(settings, simulation, network, plugins)
-        with stopping_on_signals(server.loop):
+    except BaseException:
+        network.close("the server could not start")
+        raise
+    with stopping_on_signals(server.loop):
+        try:
             typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")
             server.run(duration)
-    finally:
-        network.close("the server is stopping")
+        finally:
+            # Inside, so that a repeated signal cannot cut the last answers off.
+            network.close("the server is stopping")
     _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
 
 

@@ -28,6 +28,11 @@ class Divergence:
     body: str
     axis: int
 
+    @property
+    def in_state(self) -> bool:
+        """Whether the state itself was bad already when the step began, so that only a reset helps."""
+        return self.quantity != "acceleration"
+
     def __str__(self) -> str:
         return (
             f"{self.quantity} of joint {self.joint} (coordinate {self.axis}, body {self.body}) is NaN, infinite or huge"

@@ -16,11 +16,15 @@ def vector(value: Vector3 | Point, what: str) -> Array:
     """Returns the three components of a message, shape (3,).
 
     Raises:
-        RequestError: One of them is NaN or infinite; `what` names the field in the sentence.
+        RequestError: One of them is NaN, infinite or beyond 1e10; `what` names the field in the sentence.
     """
     array = np.array((value.x, value.y, value.z))
     if not np.isfinite(array).all():
         raise RequestError(f"{what} is ({value.x:g}, {value.y:g}, {value.z:g}); every component must be finite")
+    if np.abs(array).max() >= mujoco.mjMAXVAL:
+        raise RequestError(
+            f"{what} is ({value.x:g}, {value.y:g}, {value.z:g}); MuJoCo takes no component beyond {mujoco.mjMAXVAL:g}"
+        )
     return array
 
 

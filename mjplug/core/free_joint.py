@@ -53,11 +53,12 @@ def validate(simulation: Simulation, states: Iterable[FreeJointState]) -> list[F
     Raises:
         RequestError: An entry is wrong; the sentence has its index, its name and the reason.
     """
+    joints = free_joints(simulation.model)
     targets: list[FreeJointTarget] = []
     first: dict[int, int] = {}
     for index, state in enumerate(states):
         try:
-            target = _target(simulation, state)
+            target = _target(simulation, joints, state)
         except RequestError as error:
             raise RequestError(f"free_joints[{index}] ({quoted(state.name)}): {error}") from None
         if target.body in first:
@@ -74,6 +75,8 @@ def apply(simulation: Simulation, targets: Iterable[FreeJointTarget]) -> None:
 
     Derived quantities are stale afterwards: call `simulation.forward`.
     """
+    # Whatever wrote positions before may not have said so.
+    simulation.positions_changed()
     simulation.kinematics()
     model, data = simulation.model, simulation.data
     xpos, xquat = data.xpos.copy(), data.xquat.copy()
@@ -91,11 +94,9 @@ def apply(simulation: Simulation, targets: Iterable[FreeJointTarget]) -> None:
             linear_w, angular_w = (rotate(xquat[target.twist_frame], v) for v in (linear_w, angular_w))
         data.qvel[dof : dof + 3] = linear_w
         data.qvel[dof + 3 : dof + 6] = rotate(inverse(quat), angular_w)
-    simulation.positions_changed()
 
 
-def _target(simulation: Simulation, state: FreeJointState) -> FreeJointTarget:
-    joints = free_joints(simulation.model)
+def _target(simulation: Simulation, joints: dict[int, int], state: FreeJointState) -> FreeJointTarget:
     try:
         body = simulation.body_id(state.name)
     except UnknownName:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from time import perf_counter
 
 Task = Callable[[], None]
 
@@ -23,10 +24,13 @@ class Inbox:
         """Queues a call; wakes the loop if it waits."""
         self._queue.put(task)
 
-    def drain(self) -> None:
-        """Runs everything that was queued when it was called."""
+    def drain(self, seconds: float) -> None:
+        """Runs what was queued when it was called, but begins nothing after `seconds` [s]: steps must be taken too."""
+        until = perf_counter() + seconds
         for _ in range(self._queue.qsize()):
             self._queue.get_nowait()()
+            if perf_counter() > until:
+                return
 
     def wait(self, seconds: float) -> None:
         """Waits for a call and runs it, for at most `seconds` [s] and never longer than `LONGEST_WAIT`."""

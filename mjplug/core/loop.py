@@ -45,7 +45,7 @@ class Stepper(Protocol):
         """Forgets what belonged to the state before the reset."""
 
     def failed(self, error: Exception) -> None:
-        """Takes an exception that `update` raised; it must deactivate the stepper or end the loop."""
+        """Takes an exception that `update` raised; the stepper has been deactivated."""
 
 
 class Loop:
@@ -117,12 +117,15 @@ class Loop:
         """Stops calling the stepper's `update`."""
         self._set_active({*self._active} - {stepper})
 
-    def serve(self, call: Call, handler: Callable[[Message, Call], Message | Slow]) -> None:
-        """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over."""
+    def serve(self, call: Call, handler: Callable[[Message, Call], Message | Slow], owner: object = None) -> None:
+        """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over.
+
+        `owner` can end its waiting requests with `scheduler.close_jobs`.
+        """
         try:
             result = handler(call.request, call)
             if isinstance(result, Generator):
-                self.scheduler.start(result, call)
+                self.scheduler.start(result, call, self.simulation.step, owner)
             else:
                 call.respond(result)
         except RequestError as error:
@@ -139,11 +142,6 @@ class Loop:
         """Lets simulated time run; step goals that are under way are given up."""
         self.goals.give_up("interrupted: the simulation was resumed")
         self.paused = False
-        self._anchor()
-
-    def set_speed(self, speed: Speed) -> None:
-        """Changes the real-time factor (positive, or `max`)."""
-        self.pacer.speed = speed
         self._anchor()
 
     def reset(self, reset: Reset) -> None:
@@ -218,7 +216,8 @@ class Loop:
         """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""
         posted = not self.inbox.empty()
         if posted:
-            self.inbox.drain()
+            self.inbox.drain(BATCH_SECONDS)
+            self.simulation.positions_changed()
         self._run_due()
         return posted
 
@@ -226,6 +225,7 @@ class Loop:
         step = self.simulation.step
         if self.scheduler.next_due <= step:
             self.scheduler.run_due(step)
+            self.simulation.positions_changed()
         if self.goals and self.goals.next_target <= step:
             # Before the answer, so that a client that has it has the new time too.
             for callback in self.on_stepped:
@@ -242,6 +242,7 @@ class Loop:
             divergence = self._step_actively(min(target, first + self._batch))
         else:
             steps = min(target, self.scheduler.next_due) - first
+            simulation.checkpoint()
             divergence = simulation.advance(min(steps, self._batch))
         taken = simulation.step - first
         if taken:
@@ -256,14 +257,9 @@ class Loop:
         """Takes steps with updates before each, until `target`, a due step or a posted call."""
         simulation, scheduler, nothing_posted = self.simulation, self.scheduler, self.inbox.empty
         while True:
-            simulation.clear_forces()
-            if self._override is not None:
-                self._override.fill(np.nan)
-            for stepper in self._active:
-                try:
-                    stepper.update()
-                except Exception as error:
-                    stepper.failed(error)
+            # Before the updates, so that a bad velocity override is undone too.
+            simulation.checkpoint()
+            self._update()
             if self._stopping:
                 return None
             if self._override is not None:
@@ -274,6 +270,23 @@ class Loop:
                 return divergence
             if not self._active or not nothing_posted():
                 return None
+
+    def _update(self) -> None:
+        """Lets the active steppers write what the coming step needs; when one fails, the others begin anew."""
+        failed = True
+        while failed:
+            failed = False
+            self.simulation.clear_forces()
+            if self._override is not None:
+                self._override.fill(np.nan)
+            for stepper in self._active:
+                try:
+                    stepper.update()
+                except Exception as error:
+                    self.deactivate(stepper)
+                    stepper.failed(error)
+                    failed = True
+                    break
 
     def _set_active(self, active: set[Stepper]) -> None:
         self._active = tuple(s for s in self._steppers if s in active)
@@ -300,4 +313,6 @@ class Loop:
             _log.error("%s; paused before that step (%s)", report, why)
             self.goals.give_up(report)
             self.pause()
+            if divergence.in_state:
+                _log.error("the state before that step is bad already: reset the world")
         return False

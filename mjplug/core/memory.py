@@ -1,6 +1,7 @@
 """Plain bytes of MuJoCo's arrays: for a few numbers at every step, memoryviews cost a third of what numpy does."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class Cleared:
 class Saved:
     """A copy of some arrays that can be put back."""
 
-    def __init__(self, arrays: Iterable[NDArray[np.float64]]) -> None:
+    def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
         views = [array.data.cast("B") for array in arrays if array.size]
         self._pairs = [(view, bytearray(view)) for view in views]
 

@@ -67,11 +67,12 @@ class Pacer:
             now: Wall time [s].
         """
         lag = now - self.deadline(step)
-        if lag > LARGEST_LAG + self.period:
-            self.dropped += lag
+        excess = lag - LARGEST_LAG - self.period
+        if excess > 0.0:
+            self.dropped += excess
             self._report(now)
-            self.anchor(step, now)
-            lag = 0.0
+            self._anchor += excess
+            lag -= excess
         return step + max(0, int(lag / self.period + 1e-6))
 
     def _report(self, now: float) -> None:

@@ -80,6 +80,8 @@ def _joint_overrides(simulation: Simulation, states: JointState) -> list[JointOv
             raise RequestError(
                 f"joint_states.{part} has {len(values)} entries for {count} names; give one for each name, or none"
             )
+    if count and not states.position and not states.velocity:
+        raise RequestError("joint_states names joints, but gives neither positions nor velocities")
     overrides: list[JointOverride] = []
     first: dict[int, int] = {}
     for index, name in enumerate(states.name):
@@ -109,6 +111,8 @@ def _joint_override(simulation: Simulation, name: str, position: float | None, v
     for part, value in (("position", position), ("velocity", velocity)):
         if value is not None and not math.isfinite(value):
             raise RequestError(f"{part} is {value:g}; it must be finite")
+        if value is not None and abs(value) >= mujoco.mjMAXVAL:
+            raise RequestError(f"{part} is {value:g}; MuJoCo takes nothing beyond {mujoco.mjMAXVAL:g}")
     if position is not None and model.jnt_limited[joint]:
         low, high = model.jnt_range[joint]
         if not low <= position <= high:

@@ -5,7 +5,7 @@ import itertools
 import logging
 from collections.abc import Callable, Generator
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Protocol
 
 from mjplug.errors import RequestError
 from mjplug_schemas.message import Message
@@ -95,18 +95,30 @@ class Timer:
 
 
 class Job:
-    """A request that waits in the scheduler for its next step or event."""
+    """A request that waits in the scheduler for its next step or event.
 
-    def __init__(self, generator: Slow, answer: Answer) -> None:
+    Attributes:
+        owner: Who may close it before its time.
+        done: Whether it has been answered.
+    """
+
+    def __init__(self, generator: Slow, answer: Answer, owner: object) -> None:
+        self.owner = owner
+        self.done = False
         self._generator = generator
         self._answer = answer
-        self.done = False
 
     def resume(self) -> Wait | None:
         """Runs to the next wait and returns it; None means that the request has been answered."""
         try:
             try:
-                return next(self._generator)
+                wait: object = next(self._generator)
+                while not isinstance(wait, int | Event):
+                    # Thrown in where it was yielded, so that the handler's own `finally` runs.
+                    wait = self._generator.throw(
+                        TypeError(f"a service yields step numbers (int) or events, not {wait!r}")
+                    )
+                return wait
             except StopIteration as stop:
                 self._answer.respond(stop.value)
         except RequestError as error:
@@ -142,6 +154,7 @@ class Scheduler:
         self._order = itertools.count()
         self._timers: dict[Timer, int] = {}
         self._jobs: dict[Job, None] = {}
+        self._step = 0
 
     def every(
         self,
@@ -172,25 +185,27 @@ class Scheduler:
             timer.due_after(step)
             self._push_timer(self._timers[timer], timer)
 
-    def start(self, generator: Slow, answer: Answer) -> None:
-        """Runs a slow service to its first wait and keeps it until it has answered."""
-        job = Job(generator, answer)
+    def start(self, generator: Slow, answer: Answer, step: int, owner: object = None) -> None:
+        """Runs a slow service, at the boundary `step`, to its first wait and keeps it until it has answered."""
+        job = Job(generator, answer, owner)
         self._jobs[job] = None
-        self._resume(job)
+        self._step = step
+        self._resume(job, step)
 
     def run_due(self, step: int) -> None:
         """Calls everything that is due at the boundary after `step` steps, in order of due step, then of creation."""
+        self._step = step
         heap = self._heap
         while heap and heap[0][0] <= step:
             _, _, run = heapq.heappop(heap)
             run(step)
         self.next_due = heap[0][0] if heap else NEVER
 
-    def close_jobs(self, reason: str) -> None:
-        """Ends every waiting request with `reason`."""
-        for job in list(self._jobs):
+    def close_jobs(self, reason: str, owner: object = None) -> None:
+        """Ends every waiting request, or those of one owner, with `reason`."""
+        for job in [job for job in self._jobs if owner is None or job.owner is owner]:
+            del self._jobs[job]
             job.close(reason)
-        self._jobs.clear()
 
     def rephase(self, step: int) -> None:
         """Restarts the phase of every timer at `step`, and forgets everything else that was due."""
@@ -218,13 +233,15 @@ class Scheduler:
 
         self._push(timer.due, order, fire)
 
-    def _resume(self, job: Job, *_: Any) -> None:
-        if job.done:
-            return
-        wait = job.resume()
-        if wait is None:
-            self._jobs.pop(job, None)
-        elif isinstance(wait, Event):
-            wait.when_set(lambda: self._resume(job))
-        else:
-            self._push(wait, next(self._order), lambda _: self._resume(job))
+    def _resume(self, job: Job, step: int) -> None:
+        while not job.done:
+            wait = job.resume()
+            if wait is None:
+                self._jobs.pop(job, None)
+            elif not isinstance(wait, Event):
+                # A step that has been is the next one: time goes on between two waits.
+                self._push(max(wait, step + 1), next(self._order), lambda now: self._resume(job, now))
+                return
+            elif not wait.is_set:
+                wait.when_set(lambda: self._resume(job, self._step))
+                return

@@ -1,7 +1,10 @@
 """The model and its state: stepping, divergence, saving and restoring. Physics thread only."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mjplug.core import divergence
 from mjplug.core.divergence import Divergence
@@ -50,10 +53,8 @@ class Simulation:
             mujoco.mj_resetDataKeyframe(model, self.data, self.keyframe_id(keyframe))
         self.data.time = 0.0
         mujoco.mj_forward(model, self.data)
-        size = mujoco.mj_stateSize(model, _STATE)
-        self._initial = np.empty(size)
-        self._before_batch = np.empty(size)
-        self._before_step = Saved((self.data.qpos, self.data.qvel, self.data.act))
+        self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
+        self._checkpoint = Saved(_changed_by_steps(self.data))
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
@@ -64,22 +65,30 @@ class Simulation:
         """Simulated time [ns]."""
         return self.time.ns(self.step)
 
+    def checkpoint(self) -> None:
+        """Notes the state to go back to if the coming steps diverge."""
+        self._checkpoint.save()
+
     def advance(self, steps: int) -> Divergence | None:
-        """Takes physics steps.
+        """Takes physics steps; `checkpoint` must have been called at this boundary.
 
         Args:
             steps: How many, at least 1.
 
         Returns:
             None when all went well. Otherwise what diverged; the state and the step count are then those before the
-            very step that went wrong.
+            step that went wrong.
+
+        Raises:
+            MjplugError: MuJoCo cannot go on at all.
         """
-        model, data, warnings = self.model, self.data, self._warnings
-        if steps == 1:
-            self._before_step.save()
-        else:
-            mujoco.mj_getState(model, data, self._before_batch, _STATE)
-        mujoco.mj_step(model, data, steps)
+        warnings = self._warnings
+        try:
+            mujoco.mj_step(self.model, self.data, steps)
+        except mujoco.FatalError as error:
+            raise MjplugError(
+                f"MuJoCo gave up after step {self.step}: {error}; a larger <size memory> in the model may help"
+            ) from error
         self._kinematics_current = False
         if warnings[_QPOS] or warnings[_QVEL] or warnings[_QACC]:
             return self._rewind(steps)
@@ -163,21 +172,34 @@ class Simulation:
     def _rewind(self, steps: int) -> Divergence:
         """Goes back to before the step that went wrong, and says what it was.
 
-        A batch is repeated step by step from its saved start; MuJoCo is deterministic, so the same step goes wrong
-        again.
+        A batch is repeated step by step from its checkpoint; MuJoCo is deterministic, so the same step goes wrong
+        again. Should it not, the batch's beginning is where the world stays.
         """
         found = divergence.find(self.model, self.data)
+        self._restore()
         if steps > 1:
-            mujoco.mj_setState(self.model, self.data, self._before_batch, _STATE)
-            divergence.clear(self.data)
+            begin, first = self._checkpoint, self.step
+            self._checkpoint = Saved(_changed_by_steps(self.data))
             for _ in range(steps):
-                found = self.advance(1)
-                if found is not None:
-                    return found
-            raise MjplugError("a batch of steps diverged, but not when it was repeated: MuJoCo was not deterministic")
+                self.checkpoint()
+                again = self.advance(1)
+                if again is not None:
+                    return again
+            self._checkpoint, self.step = begin, first
+            self._restore()
         if found is None:
             raise MjplugError("MuJoCo counted a bad state that it does not name")
-        self._before_step.restore()
-        self.data.time = self.time.seconds(self.step)
-        divergence.clear(self.data)
         return found
+
+    def _restore(self) -> None:
+        self._checkpoint.restore()
+        self.data.time = self.time.seconds(self.step)
+        self._kinematics_current = False
+        divergence.clear(self.data)
+
+
+def _changed_by_steps(data: mujoco.MjData) -> list[NDArray[Any]]:
+    """Returns the arrays that a step changes and the next one reads."""
+    names = ("qpos", "qvel", "act", "qacc_warmstart", "plugin_state", "history", "tree_asleep")
+    # Not every release of MuJoCo has all of them.
+    return [getattr(data, name) for name in names if hasattr(data, name)]

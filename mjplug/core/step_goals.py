@@ -9,12 +9,14 @@ class StepGoal:
     """Steps that somebody waits for.
 
     Attributes:
+        start: The step number from which they count.
         target: The step number to reach.
         ended: Set when it is reached or given up.
         failure: Why it was given up; empty if it was not.
     """
 
-    def __init__(self, target: int) -> None:
+    def __init__(self, start: int, target: int) -> None:
+        self.start = start
         self.target = target
         self.ended = Event()
         self.failure = ""
@@ -41,7 +43,8 @@ class StepGoals:
 
     def add(self, step: int, steps: int) -> StepGoal:
         """Adds a goal of `steps` more steps, behind those there are, or else from `step` on."""
-        goal = StepGoal((self._goals[-1].target if self._goals else step) + steps)
+        start = self._goals[-1].target if self._goals else step
+        goal = StepGoal(start, start + steps)
         self._goals.append(goal)
         return goal
 

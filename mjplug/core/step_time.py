@@ -8,14 +8,16 @@ _NS = 1_000_000_000
 def as_fraction(seconds: float) -> Fraction:
     """Returns the simple fraction that a person meant by a float, such as 1/240 for 0.004166666666666667.
 
-    Falls back to the float's exact value when no fraction with a denominator up to 10⁶ is within a relative 1e-10.
+    That is one with a denominator up to 10⁶ within a relative 1e-10, otherwise the decimal fraction as one writes it.
 
     Args:
         seconds: A finite duration [s].
     """
     exact = Fraction(seconds)
-    simple = exact.limit_denominator(1_000_000)
-    return simple if simple and abs(simple - exact) <= abs(exact) * Fraction(1, 10**10) else exact
+    for simple in (exact.limit_denominator(1_000_000), Fraction(repr(seconds))):
+        if simple and abs(simple - exact) <= abs(exact) * Fraction(1, 10**10):
+            return simple
+    return exact
 
 
 class StepTime:
@@ -26,18 +28,16 @@ class StepTime:
 
     Attributes:
         timestep: The step length as a fraction [s].
-        origin_ns: Simulated time of step 0 [ns].
     """
 
     def __init__(self, timestep: float) -> None:
         self.timestep = as_fraction(timestep)
-        self.origin_ns = 0
         ns = self.timestep * _NS
         self._num, self._den = ns.numerator, ns.denominator
 
     def ns(self, step: int) -> int:
         """Returns the simulated time at the boundary after `step` steps, rounded to the nearest nanosecond."""
-        return self.origin_ns + (2 * step * self._num + self._den) // (2 * self._den)
+        return (2 * step * self._num + self._den) // (2 * self._den)
 
     def seconds(self, step: int) -> float:
         """Returns the simulated time at the boundary after `step` steps [s]."""

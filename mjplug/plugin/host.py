@@ -1,8 +1,8 @@
 """What a plugin may use of the server, under the names that ROS users know. Physics thread only."""
 
 import logging
-from collections import deque
 from collections.abc import Callable
+from itertools import count
 from typing import Any, Protocol, TypeVar
 
 import mujoco
@@ -185,16 +185,16 @@ class Host:
             callback: Gets each message, already validated against its type.
             qos: Quality of service; the default delivers the newest message only, as commands want it.
         """
-        pending: deque[M] = deque(maxlen=qos.depth)
+        arrivals = count(1)
+        newest = [0]
 
         def deliver(message: M) -> None:
-            pending.append(message)
-            self._loop.inbox.post(take)
+            number = newest[0] = next(arrivals)
+            self._loop.inbox.post(lambda: take(number, message))
 
-        def take() -> None:
-            # One call is posted per message; those that were overtaken by newer ones find nothing left.
-            if pending and not self._disabled:
-                message = pending.popleft()
+        def take(number: int, message: M) -> None:
+            # Each message keeps its place among the requests; one that newer ones have overtaken is dropped.
+            if newest[0] - number < qos.depth and not self._disabled:
                 try:
                     callback(message)
                 except Exception:
@@ -218,7 +218,7 @@ class Host:
             if self._disabled:
                 call.refuse(self._disabled)
             else:
-                self._loop.serve(call, handler)
+                self._loop.serve(call, handler, owner=self)
 
         self._transport.open_service(
             ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
@@ -241,6 +241,8 @@ class Host:
             raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
         loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
+        if while_matched is not None and while_matched not in self._sleepers:
+            raise PluginError("while_matched is no publisher of this plugin")
         if while_matched is None:
             return loop.scheduler.every(steps, self._guarded(callback), simulation.step)
         timer = loop.scheduler.every(
@@ -271,6 +273,7 @@ class Host:
         self.logger.error("plugin %s failed", self.name, exc_info=error)
         self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
         self.deactivate()
+        self._loop.scheduler.close_jobs(self._disabled, owner=self)
         if not self._disable_on_error:
             self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))
 

@@ -10,6 +10,11 @@ def offer(host: Host, loop: Loop) -> None:
 
     def set_pause(request: SetPause.Request, call: Call) -> SetPause.Response:
         state = "paused" if request.paused else "running"
+        if request.paused and loop.goals:
+            loop.goals.give_up("interrupted: the simulation was paused")
+            return SetPause.Response(
+                success=True, message="the simulation is paused; the steps under way were given up"
+            )
         if request.paused == loop.paused:
             return SetPause.Response(success=True, message=f"the simulation is already {state}")
         if request.paused:

@@ -13,16 +13,14 @@ def offer(host: Host, loop: Loop) -> None:
             raise RequestError("the simulation is running; pause it first (set_pause)")
         if request.steps == 0:
             raise RequestError("steps is 0; it must be at least 1")
-        first = host.step
         goal = loop.goals.add(host.step, request.steps)
         try:
             yield goal.ended
         finally:
             loop.goals.withdraw(goal)
         if goal.failure:
-            raise RequestError(
-                f"{goal.failure} ({max(0, min(host.step, goal.target) - first)} of {request.steps} steps were taken)"
-            )
+            taken = max(0, min(host.step, goal.target) - goal.start)
+            raise RequestError(f"{goal.failure} ({taken} of {request.steps} steps were taken)")
         return StepSimulation.Response(
             success=True, message=f"took {request.steps} steps; t = {host.time_ns / 1e9:.6f} s"
         )

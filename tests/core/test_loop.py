@@ -291,3 +291,87 @@ def test_a_speed_factor_that_waits_for_centuries_is_fine(arm_model):
     world.loop.inbox.post(lambda: world.loop.inbox.post(world.loop.stop))
     world.loop.run()
     assert world.simulation.step == 0
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("active", [False, True], ids=["batch", "active"])
+def test_after_a_divergence_is_repaired_the_world_goes_on_without_a_reset(integrator, active):
+    """MuJoCo's warm start holds NaN after a bad step; it must be rewound with the state."""
+    world = World(
+        mujoco.MjModel.from_xml_string(
+            f"""<mujoco><option timestep="0.002" integrator="{integrator}"/><worldbody>
+            <geom type="plane" size="5 5 .1"/>
+            <body name="box" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
+            </worldbody></mujoco>"""
+        )
+    )
+    poison = [np.nan]
+
+    class Pusher(Recorder):
+        def update(self):
+            world.data.xfrc_applied[1, 0] = poison[0]
+
+    pusher = Pusher(world.simulation)
+    world.loop.add(pusher)
+    world.loop.step(20)
+    if active:
+        world.loop.activate(pusher)
+    else:
+        world.data.xfrc_applied[1, 0] = np.nan
+    world.loop.step(50)
+    assert world.loop.paused
+    assert world.simulation.step == 20
+    poison[0] = 0.0
+    world.data.xfrc_applied[:] = 0.0
+    world.loop.resume()
+    world.loop.step(50)
+    assert not world.loop.paused
+    assert world.simulation.step == 70
+    assert np.isfinite(world.data.qacc_warmstart).all()
+
+
+def test_a_bad_velocity_override_is_undone_with_the_step_that_it_spoils(box_world):
+    class Driver(Recorder):
+        def update(self):
+            box_world.loop.velocity_override[0] = 1e12
+
+    box_world.data.qvel[0] = 0.25
+    driver = Driver(box_world.simulation)
+    box_world.loop.add(driver)
+    box_world.loop.activate(driver)
+    box_world.loop.step(5)
+    assert box_world.loop.paused
+    assert box_world.data.qvel[0] == 0.25
+
+
+def test_what_a_failing_update_wrote_does_not_reach_physics(box_world):
+    class Broken(Recorder):
+        def update(self):
+            box_world.data.xfrc_applied[1, 0] = 1000.0
+            box_world.loop.velocity_override[1] = 7.0
+            raise ZeroDivisionError
+
+        def failed(self, error):
+            pass
+
+    class Pusher(Recorder):
+        def update(self):
+            box_world.data.xfrc_applied[2, 0] += 1.0
+
+    broken, pusher = Broken(box_world.simulation), Pusher(box_world.simulation)
+    for stepper in (pusher, broken):
+        box_world.loop.add(stepper)
+        box_world.loop.activate(stepper)
+    box_world.loop.step(1)
+    assert not box_world.data.qvel[:6].any()
+    assert box_world.data.qvel[6] == pytest.approx(0.002, rel=1e-9)
+
+
+def test_a_flood_of_posted_calls_does_not_keep_steps_from_being_taken(arm_world):
+    def again():
+        arm_world.loop.inbox.post(again)
+
+    for _ in range(5000):
+        again()
+    arm_world.loop.turn()
+    assert arm_world.simulation.step > 0

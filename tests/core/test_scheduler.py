@@ -113,7 +113,7 @@ def test_a_slow_service_goes_on_at_its_step_and_answers_once():
         yield 5
         return String(data="done")
 
-    scheduler.start(work(), answers)
+    scheduler.start(work(), answers, 0)
     assert scheduler.next_due == 3
     scheduler.run_due(2)
     assert seen == ["started"]
@@ -132,7 +132,7 @@ def test_a_slow_service_can_wait_for_an_event():
         yield event
         return String(data="heard")
 
-    scheduler.start(work(), answers)
+    scheduler.start(work(), answers, 0)
     assert not answers.responses
     event.set()
     assert answers.responses == [String(data="heard")]
@@ -147,7 +147,7 @@ def test_closing_runs_finally_and_gives_the_reason():
         finally:
             cleaned.append(True)
 
-    scheduler.start(work(), answers)
+    scheduler.start(work(), answers, 0)
     scheduler.close_jobs("stopping")
     assert cleaned == [True]
     assert answers.refusals == ["stopping"]
@@ -170,7 +170,7 @@ def test_an_error_while_waiting_reaches_the_client(error, reason):
         yield 1
         raise error
 
-    scheduler.start(work(), answers)
+    scheduler.start(work(), answers, 0)
     scheduler.run_due(1)
     assert answers.refusals == [reason]
 
@@ -202,3 +202,51 @@ def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
     for now in range(30, 41):
         scheduler.run_due(now)
     assert fired == [4, 7, 30, 34, 37, 40]
+
+
+@pytest.mark.parametrize("wrong", [None, "x", [1], 0.5, float("nan")], ids=repr)
+def test_a_service_that_yields_what_is_no_wait_is_refused_and_cleaned_up(wrong, caplog):
+    scheduler, answers, cleaned = Scheduler(), Answers(), []
+
+    def work():
+        try:
+            yield wrong
+        finally:
+            cleaned.append(True)
+
+    scheduler.start(work(), answers, 0)
+    scheduler.run_due(10)
+    assert cleaned == [True]
+    assert len(answers.refusals) == 1
+    assert "a service yields step numbers (int) or events" in answers.refusals[0]
+
+
+def test_a_wait_for_a_step_that_has_been_goes_on_at_the_next_one():
+    scheduler, answers, seen = Scheduler(), Answers(), []
+
+    def work():
+        for _ in range(3):
+            yield 0
+            seen.append(True)
+
+    scheduler.start(work(), answers, 5)
+    scheduler.run_due(5)
+    assert seen == []
+    for step in (6, 7):
+        scheduler.run_due(step)
+    assert seen == [True, True]
+
+
+def test_an_owner_can_end_its_own_requests_only():
+    scheduler, mine, other = Scheduler(), Answers(), Answers()
+
+    def work():
+        yield 10
+        return String()
+
+    scheduler.start(work(), mine, 0, owner="me")
+    scheduler.start(work(), other, 0, owner="you")
+    scheduler.close_jobs("switched off", owner="me")
+    scheduler.run_due(10)
+    assert mine.refusals == ["switched off"]
+    assert other.responses == [String()]

@@ -197,6 +197,10 @@ REFUSED = [
     (push(force=(math.nan, 0, 0)), "wrench.wrench.force is (nan, 0, 0); every component must be finite"),
     (push(torque=(0, math.inf, 0)), "wrench.wrench.torque is (0, inf, 0); every component must be finite"),
     (push(point=(0, 0, -math.inf)), "application_point is (0, 0, -inf); every component must be finite"),
+    (
+        push(force=(1e300, 0, 0), point=(0, 1e300, 0)),
+        "force and application_point are so large that their moment is not finite",
+    ),
     (push(duration=-1), "duration is -1 s; it must not be negative"),
     (push(duration=1, ramp=-0.5), "ramp_down_duration is -0.5 s; it must not be negative"),
     (push(duration=1, ramp=1.5), "ramp_down_duration is 1.5 s, longer than the duration of 1 s"),
@@ -280,3 +284,22 @@ def test_arrow_lengths_follow_the_parameters(box_model):
     force, torque = world.published(MARKERS)[0].markers
     assert force.points[1].x == pytest.approx(0.5)
     assert torque.points[1].z == pytest.approx(2.0)
+
+
+def test_a_time_step_that_is_no_simple_fraction_does_not_break_the_end_of_a_long_wrench():
+    model = mujoco.MjModel.from_xml_string(BOX.replace("0.002", "0.016666666667"))
+    world = World(model)
+    world.add(ExternalWrench, "external_wrench")
+    call = ask(world, push(force=(1e-3, 0, 0), duration=166.666666667))
+    world.loop.step(10_001)
+    assert call.response.success
+
+
+def test_only_so_many_wrenches_may_act_at_a_time(world):
+    first = ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 900)
+    assert ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 101).refusal == (
+        "900 wrenches act already and 101 more were asked for; at most 1000 may act at a time"
+    )
+    world.loop.reset(Reset())
+    assert first.refusal == "cancelled: the world was reset"
+    assert not ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 1000).answered

@@ -101,3 +101,36 @@ def test_the_time_is_that_of_the_step(arm_world, host):
     assert (host.now().sec, host.now().nanosec) == (1, 500_000_000)
     assert host.time_of(1000) == 2.0
     assert host.steps_covering(3_000_001) == 2
+
+
+def test_a_command_keeps_its_place_among_the_requests(arm_world, host):
+    order = []
+    host.create_subscription(String, "/command", lambda m: order.append(m.data))
+    arm_world.transport.send("/command", String(data="before"))
+    arm_world.loop.inbox.post(lambda: order.append("request"))
+    arm_world.transport.send("/command", String(data="after"))
+    arm_world.loop.step(1)
+    assert order == ["request", "after"]
+
+
+def test_a_plugin_that_is_switched_off_answers_what_waits(arm_world):
+    host = arm_world.host("fragile", disable_on_error=True)
+
+    def wait(request, call):
+        yield 1000
+        return Trigger.Response(success=True)
+
+    def fail():
+        raise ZeroDivisionError("oops")
+
+    host.create_service(Trigger, "~/wait", wait)
+    host.create_timer(0.01, fail)
+    call = arm_world.call("/fragile/wait")
+    arm_world.loop.step(10)
+    assert call.refusal == "plugin fragile was switched off after an error: ZeroDivisionError('oops')"
+
+
+def test_a_timer_cannot_be_bound_to_the_publisher_of_another(arm_world, host):
+    foreign = arm_world.host("other").create_publisher(String, "~/x")
+    with pytest.raises(PluginError, match="while_matched is no publisher of this plugin"):
+        host.create_timer(1.0, lambda: None, while_matched=foreign)

@@ -126,3 +126,13 @@ def test_while_paused_the_time_is_repeated_for_those_who_join_later(world):
     world.loop.on_idle.append(lambda: world.loop.inbox.post(lambda: None))
     world.loop.turn()
     assert [m.clock.to_ns() for m in world.published("/clock")] == [6_000_000]
+
+
+def test_asking_for_pause_gives_up_the_steps_under_way(world):
+    pause(world)
+    first, second = step(world, 1_000_000_000), step(world, 5)
+    world.loop.turn()
+    taken = world.simulation.step
+    assert pause(world).message == "the simulation is paused; the steps under way were given up"
+    assert first.refusal == f"interrupted: the simulation was paused ({taken} of 1000000000 steps were taken)"
+    assert second.refusal == "interrupted: the simulation was paused (0 of 5 steps were taken)"

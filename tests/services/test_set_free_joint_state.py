@@ -136,6 +136,7 @@ REFUSED = [
         "twist.header.frame_id: unknown body 'x'; known: brick, cube, lower, pendulum, slider, upper, world",
     ),
     (state(pos=(0, math.nan, 0)), "pose.pose.position is (0, nan, 0); every component must be finite"),
+    (state(pos=(1e11, 0, 0)), "pose.pose.position is (1e+11, 0, 0); MuJoCo takes no component beyond 1e+10"),
     (state(linear=(0, 0, math.inf)), "twist.twist.linear is (0, 0, inf); every component must be finite"),
     (state(angular=(math.nan, 0, 0)), "twist.twist.angular is (nan, 0, 0); every component must be finite"),
     (

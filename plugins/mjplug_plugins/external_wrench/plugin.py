@@ -11,6 +11,9 @@ from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.visualization_msgs import MarkerArray
 
+MOST_WRENCHES = 1000
+"""Wrenches that may act at the same time; each costs a few microseconds a step."""
+
 MARKER_RATE = 30.0
 """Markers per second of simulated time while a wrench is active [Hz]."""
 
@@ -58,6 +61,11 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
             raise RequestError(f"parameter wait is {quoted(wait)}; allowed: true, false")
         if not wrenches:
             return ApplyExternalWrench.Response(success=True, message="no wrench was given; nothing was applied")
+        if len(self._active) + len(wrenches) > MOST_WRENCHES:
+            raise RequestError(
+                f"{len(self._active)} wrenches act already and {len(wrenches)} more were asked for; "
+                f"at most {MOST_WRENCHES} may act at a time"
+            )
         longest = max(wrench.duration for wrench in wrenches)
         what = f"{len(wrenches)} wrench{'es' if len(wrenches) > 1 else ''}"
         if wait == "false":

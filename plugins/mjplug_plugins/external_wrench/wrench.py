@@ -47,7 +47,8 @@ class Wrench:
     def scale(self, elapsed: float) -> float:
         """Returns the factor of the ramp, 1 to 0, at `elapsed` [s] since the start."""
         remaining = self.duration - elapsed
-        return 1.0 if remaining >= self.ramp else max(0.0, remaining / self.ramp)
+        # Rounding may leave the last step of a wrench without a ramp a hair beyond its duration.
+        return 1.0 if remaining >= self.ramp or not self.ramp else max(0.0, remaining / self.ramp)
 
     def apply(self, elapsed: float) -> None:
         """Adds the wrench to `xfrc_applied`, turned by the body's orientation; `xmat` must be current.
@@ -89,7 +90,10 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
     ramp = _nanoseconds(message.ramp_down_duration, "ramp_down_duration")
     if ramp > duration:
         raise RequestError(f"ramp_down_duration is {ramp / 1e9:g} s, longer than the duration of {duration / 1e9:g} s")
-    arm = np.subtract(point, model.body_ipos[body])
+    with np.errstate(over="ignore", invalid="ignore"):
+        torque_com = np.add(torque, np.cross(np.subtract(point, model.body_ipos[body]), force))
+    if not np.isfinite(torque_com).all():
+        raise RequestError("force and application_point are so large that their moment is not finite")
     return Wrench(
         body_name=name,
         point=point,
@@ -99,7 +103,7 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         end=host.step + max(1, host.steps_covering(duration)),
         duration=duration / 1e9,
         ramp=ramp / 1e9,
-        torque_com=tuple(np.add(torque, np.cross(arm, force)).tolist()),
+        torque_com=tuple(torque_com.tolist()),
         xmat=doubles(data.xmat[body]),
         xfrc_applied=doubles(data.xfrc_applied[body]),
     )
