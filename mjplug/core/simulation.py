@@ -54,7 +54,7 @@ class Simulation:
         self.data.time = 0.0
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
-        self._checkpoint = Saved(_changed_by_steps(self.data))
+        self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
@@ -179,7 +179,7 @@ class Simulation:
         self._restore()
         if steps > 1:
             begin, first = self._checkpoint, self.step
-            self._checkpoint = Saved(_changed_by_steps(self.data))
+            self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
             for _ in range(steps):
                 self.checkpoint()
                 again = self.advance(1)
@@ -198,8 +198,10 @@ class Simulation:
         divergence.clear(self.data)
 
 
-def _changed_by_steps(data: mujoco.MjData) -> list[NDArray[Any]]:
+def _changed_by_steps(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[Any]]:
     """Returns the arrays that a step changes and the next one reads."""
-    names = ("qpos", "qvel", "act", "qacc_warmstart", "plugin_state", "history", "tree_asleep")
+    names = ["qpos", "qvel", "act", "qacc_warmstart", "plugin_state", "history"]
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
+        names.append("tree_asleep")
     # Not every release of MuJoCo has all of them.
     return [getattr(data, name) for name in names if hasattr(data, name)]
