@@ -10,7 +10,7 @@ def import_mujoco() -> None:
     """
     backend = os.environ.pop("MUJOCO_GL", None)
     try:
-        import mujoco  # noqa: F401, PLC0415
+        import mujoco  # noqa: F401
     finally:
         if backend is not None:
             os.environ["MUJOCO_GL"] = backend

@@ -13,7 +13,7 @@ app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", n
 def list_plugins() -> None:
     """Lists every installed plugin: its names, and its first line of documentation."""
     import_mujoco()
-    from mjplug.plugin import PluginError, registry  # noqa: PLC0415  (keeps `--help` quick)
+    from mjplug.plugin import PluginError, registry
 
     names: dict[str, list[str]] = {}
     for name, point in registry.registered().items():
@@ -34,7 +34,7 @@ def info(
 ) -> None:
     """Shows what a plugin does and its parameters with types, defaults and units."""
     import_mujoco()
-    from mjplug.plugin import registry  # noqa: PLC0415
+    from mjplug.plugin import registry
 
     plugin = registry.find(type)
     typer.echo(f"{plugin.__name__} ({plugin.__module__})\n")

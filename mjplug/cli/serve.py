@@ -76,7 +76,7 @@ def serve(
     """
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
-    from mjplug.config.load import read  # noqa: PLC0415
+    from mjplug.config.load import read
 
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter("it must be finite", param_hint="--duration")
@@ -92,11 +92,11 @@ def serve(
 
 
 def _run(draft: "Draft", duration: float | None, check: bool) -> None:
-    from mjplug.core import process  # noqa: PLC0415
-    from mjplug.core.model_file import load_model  # noqa: PLC0415
-    from mjplug.core.simulation import Simulation  # noqa: PLC0415
-    from mjplug.plugin.selection import select  # noqa: PLC0415
-    from mjplug.server import Server, stopping_on_signals  # noqa: PLC0415
+    from mjplug.core import process
+    from mjplug.core.model_file import load_model
+    from mjplug.core.simulation import Simulation
+    from mjplug.plugin.selection import select
+    from mjplug.server import Server, stopping_on_signals
 
     loaded, plugins = select(draft)
     settings = loaded.settings
@@ -114,14 +114,14 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     names = ", ".join(p.name for p in plugins) or "none"
     summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
     if check:
-        from mjplug.offline import OfflineTransport  # noqa: PLC0415
+        from mjplug.offline import OfflineTransport
 
         Server(settings, simulation, OfflineTransport(), plugins).cleanup()
         typer.echo(f"ok · {summary}")
         return
-    from mjplug.wire.network import open_network  # noqa: PLC0415
-    from mjplug.wire.rmw_zenoh.keys import RosSettings  # noqa: PLC0415
-    from mjplug.wire.session import SessionSettings  # noqa: PLC0415
+    from mjplug.wire.network import open_network
+    from mjplug.wire.rmw_zenoh.keys import RosSettings
+    from mjplug.wire.session import SessionSettings
 
     zenoh = settings.zenoh
     wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
@@ -163,10 +163,10 @@ def _plugins(wanted: list[str]) -> list[str]:
     Raises:
         BadParameter: Two of them have one name.
     """
-    from mjplug.config.problem import Mark, Problem, Source  # noqa: PLC0415
-    from mjplug.plugin.registry import registered  # noqa: PLC0415
-    from mjplug_schemas.errors import NameRuleError  # noqa: PLC0415
-    from mjplug_schemas.names import validate_node_name  # noqa: PLC0415
+    from mjplug.config.problem import Mark, Problem, Source
+    from mjplug.plugin.registry import registered
+    from mjplug_schemas.errors import NameRuleError
+    from mjplug_schemas.names import validate_node_name
 
     sets: dict[str, str] = {}
     for text in wanted:
