@@ -13,12 +13,12 @@ from typing import Any
 from urllib.parse import unquote
 
 import zenoh
-from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
 from mjplug.transport import ServiceName, Topic
 from mjplug.wire.dialect import Inquiry, Outlet
 from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
+from mjplug.wire.inlets import open_inlet
 from mjplug.wire.outlets import LatchedOutlet, LiveOutlet
 from mjplug_schemas import names
 
@@ -63,20 +63,7 @@ class PlainDialect:
             only: Form | None = "json" if form == "json" else None
             handler = Callback(_sample_handler(receive, only), indirect=False)
             key = key_of(topic.name, form)
-            if topic.qos.durability == "volatile":
-                self._inlets.append(self._session.declare_subscriber(key, handler))
-            else:
-                reliable = topic.qos.reliability == "reliable"
-                self._inlets.append(
-                    declare_advanced_subscriber(
-                        self._session,
-                        key,
-                        handler,
-                        history=HistoryConfig(detect_late_publishers=True, max_samples=topic.qos.depth),
-                        recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if reliable else None,
-                        subscriber_detection=True,
-                    )
-                )
+            self._inlets.append(open_inlet(self._session, key, handler, topic.qos))
 
     def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
         """Declares the queryable of a service."""

@@ -8,12 +8,12 @@ from itertools import count
 from typing import Any
 
 import zenoh
-from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
 from mjplug.transport import QoS, ServiceName, Topic
 from mjplug.wire.dialect import Inquiry, Outlet
 from mjplug.wire.encoding import TEXT, Received
+from mjplug.wire.inlets import open_inlet
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.inquiry import RmwInquiry
@@ -79,20 +79,7 @@ class RmwZenohDialect:
                 receive(Received(sample.payload, None, "cdr"))
 
         key, handler = self._settings.any_hash_key(topic.name, topic.type), Callback(handle, indirect=False)
-        if topic.qos.durability == "volatile":
-            self._inlets.append(self._session.declare_subscriber(key, handler))
-        else:
-            reliable = topic.qos.reliability == "reliable"
-            self._inlets.append(
-                declare_advanced_subscriber(
-                    self._session,
-                    key,
-                    handler,
-                    history=HistoryConfig(detect_late_publishers=True, max_samples=topic.qos.depth),
-                    recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if reliable else None,
-                    subscriber_detection=True,
-                )
-            )
+        self._inlets.append(open_inlet(self._session, key, handler, topic.qos))
         # Without this token, publishers of Lyrical and later would not put large messages on this key.
         self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
 
