@@ -14,7 +14,8 @@ from benchmarks.world import network
 from mjplug.core.loop import Loop
 from mjplug.core.scheduler import Timer
 from mjplug.core.simulation import Simulation
-from mjplug.offline import OfflineTransport
+from mjplug.diagnosis import Diagnostics
+from mjplug.offline import OfflineTransport, OfflineWorkers
 from mjplug.plugin import Host, Publisher
 from mjplug.transport import Transport
 from mjplug_plugins.free_joint_state_publisher import FreeJointStatePublisher, FreeJointStatePublisherParameters
@@ -75,7 +76,7 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
     bodies = "".join(f'<body name="body_{i}" pos="{i} 0 1"><freejoint/><geom size=".1"/></body>' for i in range(BODIES))
     simulation = Simulation(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"))
     simulation.data.qvel[:] = np.random.default_rng(0).normal(size=simulation.model.nv)
-    host = _Host("free_joints", Loop(simulation), transport, lambda name: name)
+    host = _Host("free_joints", Loop(simulation), transport, lambda name: name, OfflineWorkers(), Diagnostics())
     FreeJointStatePublisher().init(host, FreeJointStatePublisherParameters(topic=TOPIC, publish_rate=1000.0))
     assert host.publisher is not None
 

@@ -13,6 +13,7 @@ from mjplug.config.settings import Settings
 from mjplug.core import process
 from mjplug.core.model_file import load_model
 from mjplug.core.simulation import Simulation
+from mjplug.offline import OfflineWorkers
 from mjplug.plugin.selection import Selected
 from mjplug.server import Server
 from mjplug.wire.network import Network, open_network
@@ -53,7 +54,7 @@ def server(uri: str, speed: float | str = "max", timestep: float | None = None) 
         model.opt.timestep = timestep
     with network() as opened:
         keyframe = model.key(0).name if model.nkey else ""
-        yield Server(settings, Simulation(model, keyframe), opened, PLUGINS), opened
+        yield Server(settings, Simulation(model, keyframe), opened, PLUGINS, OfflineWorkers()), opened
 
 
 @contextmanager

@@ -1,10 +1,13 @@
-"""A transport that goes nowhere: lets `mjplug serve --check` start every plugin without a network."""
+"""A transport that goes nowhere, and workers that do nothing: `mjplug serve --check` starts every plugin with them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
+from mjplug.core.inbox import Inbox
+from mjplug.core.simulation import Simulation
 from mjplug.frame import CdrFrame
 from mjplug.transport import Call, ServiceName, Topic
+from mjplug.work import Health, Order
 from mjplug_schemas.message import Message
 
 
@@ -31,4 +34,25 @@ class OfflineTransport:
         """Does nothing."""
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
+        """Does nothing."""
+
+
+class OfflineWorker:
+    """Is never ready."""
+
+    def __init__(self) -> None:
+        self.health = Health()
+
+    def submit(self, tasks: Iterable[str]) -> None:
+        """Does nothing."""
+
+
+class OfflineWorkers:
+    """Accepts every order, and starts nothing."""
+
+    def start(self, order: Order, simulation: Simulation, inbox: Inbox) -> OfflineWorker:
+        """Returns a worker that does nothing."""
+        return OfflineWorker()
+
+    def close(self) -> None:
         """Does nothing."""

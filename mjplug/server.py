@@ -14,11 +14,13 @@ from mjplug.config.settings import Settings
 from mjplug.core import process
 from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
+from mjplug.diagnosis import Diagnostics
 from mjplug.errors import MjplugError, PluginError
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.selection import Selected
 from mjplug.services import clock, reset_world, set_free_joint_state, set_pause, step_simulation
 from mjplug.transport import Transport
+from mjplug.work import Workers
 from mjplug_schemas.names import resolve
 
 SAME_SIGNAL = 0.5
@@ -33,25 +35,34 @@ class Server:
     Attributes:
         loop: The physics loop.
         plugins: The plugins that run, by instance name.
+        diagnostics: Whom to ask how things are.
 
     Args:
         settings: The configuration.
         simulation: The model and its state.
         transport: Where endpoints are declared; the caller closes it after `run`.
         plugins: What to run, in the order of their updates.
+        workers: Who runs the works of the plugins; the caller closes it after `run`.
 
     Raises:
         PluginError: A plugin refused to start; those that had started are cleaned up.
     """
 
     def __init__(
-        self, settings: Settings, simulation: Simulation, transport: Transport, plugins: Sequence[Selected]
+        self,
+        settings: Settings,
+        simulation: Simulation,
+        transport: Transport,
+        plugins: Sequence[Selected],
+        workers: Workers,
     ) -> None:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
         self.plugins: dict[str, Plugin[Any]] = {}
         self._settings = settings
         self._transport = transport
+        self._workers = workers
+        self.diagnostics = Diagnostics()
         self._cleanups = ExitStack()
         host = self._host(settings.node_name, disable_on_error=False)
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
@@ -106,6 +117,8 @@ class Server:
             self.loop,
             self._transport,
             partial(resolve, namespace=settings.namespace, node=name, remap=settings.remap),
+            self._workers,
+            self.diagnostics,
             settings.sim.seed,
             disable_on_error,
         )

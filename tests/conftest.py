@@ -2,11 +2,12 @@
 
 import mujoco
 import pytest
-from fakes import FakeTransport
+from fakes import FakeTransport, InlineWorkers
 from hypothesis import settings
 
 from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
+from mjplug.diagnosis import Diagnostics
 from mjplug.plugin import Host
 
 # A busy machine is no failure.
@@ -70,13 +71,15 @@ class World:
         self.simulation = Simulation(model, options.pop("keyframe", ""))
         self.loop = Loop(self.simulation, **options)
         self.transport = FakeTransport()
+        self.workers = InlineWorkers()
+        self.diagnostics = Diagnostics()
         self.model, self.data = self.simulation.model, self.simulation.data
 
     def host(self, name="test", **options):
         def resolve(topic):
             return topic if topic.startswith("/") else f"/{name}/{topic.removeprefix('~/')}"
 
-        return Host(name, self.loop, self.transport, resolve, **options)
+        return Host(name, self.loop, self.transport, resolve, self.workers, self.diagnostics, **options)
 
     def add(self, plugin_class, name, **parameters):
         plugin = plugin_class()

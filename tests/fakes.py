@@ -1,11 +1,24 @@
-"""A transport without a network: tests send messages and requests by hand and read what came out."""
+"""A transport without a network, and workers without processes.
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping
+Tests send messages and requests by hand and read what came out.
+"""
+
+import copy
+import logging
+import pickle
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import mujoco
+import numpy as np
+
+from mjplug.core import snapshot
+from mjplug.core.inbox import Inbox
+from mjplug.core.simulation import Simulation
 from mjplug.frame import CdrFrame
 from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.work import Health, Job, Order, UnavailableError
 from mjplug_schemas.message import Message
 
 
@@ -88,3 +101,74 @@ class FakeTransport:
         call = FakeCall(request if request is not None else self.types[name].Request(), parameters)
         self._services[name](call)
         return call
+
+
+class InlineWorker:
+    """Does the work at once, in the thread that asks; `hold` lets jobs wait as those of a busy process do."""
+
+    def __init__(self, order: Order, simulation: Simulation, inbox: Inbox) -> None:
+        self.health = Health()
+        self.order = order
+        self._simulation = simulation
+        self._inbox = inbox
+        self._hold = False
+        self._waiting: tuple[Job, np.ndarray] | None = None
+        model = copy.copy(simulation.model)
+        self._model, self._data = model, mujoco.MjData(model)
+        # As on the way to a process.
+        self.work = pickle.loads(pickle.dumps(order.work))
+        try:
+            said = self.work.open(model, order.publishers, logging.getLogger("worker"))
+        except UnavailableError as error:
+            self.health.state, self.health.reason = "unavailable", str(error)
+            inbox.post(lambda: order.on_lost(frozenset(), self.health.reason))
+        else:
+            self.health.state = "running"
+            inbox.post(lambda: order.on_ready(said))
+
+    def submit(self, tasks: Iterable[str]) -> None:
+        wanted = frozenset(tasks)
+        if self.health.state == "unavailable":
+            self._inbox.post(lambda: self.order.on_lost(wanted, self.health.reason))
+            return
+        simulation = self._simulation
+        state = np.empty(snapshot.size(simulation.model))
+        snapshot.take(simulation.model, simulation.data, state)
+        if self._waiting is not None:
+            before = self._waiting[0].tasks
+            self.health.dropped = dict(Counter(self.health.dropped) + Counter(wanted & before))
+            wanted |= before
+        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted), state
+        if not self._hold:
+            self._perform()
+
+    def hold(self) -> None:
+        self._hold = True
+
+    def release(self) -> None:
+        self._hold = False
+        if self._waiting is not None:
+            self._perform()
+
+    def _perform(self) -> None:
+        job, state = self._waiting
+        self._waiting = None
+        snapshot.load(self._model, self._data, state)
+        report = pickle.loads(pickle.dumps(self.work.perform(self._data, job)))
+        self.health.performed += 1
+        self._inbox.post(lambda: self.order.on_done(job, report))
+
+
+class InlineWorkers:
+    """Keeps its workers by the name of the plugin instance."""
+
+    def __init__(self) -> None:
+        self.workers: dict[str, InlineWorker] = {}
+
+    def start(self, order: Order, simulation: Simulation, inbox: Inbox) -> InlineWorker:
+        worker = self.workers[order.name] = InlineWorker(order, simulation, inbox)
+        return worker
+
+    def close(self) -> None:
+        for worker in self.workers.values():
+            worker.work.close()

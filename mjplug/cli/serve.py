@@ -113,10 +113,10 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
     names = ", ".join(p.name for p in plugins) or "none"
     summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
-    if check:
-        from mjplug.offline import OfflineTransport
+    from mjplug.offline import OfflineTransport, OfflineWorkers
 
-        Server(settings, simulation, OfflineTransport(), plugins).cleanup()
+    if check:
+        Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers()).cleanup()
         typer.echo(f"ok · {summary}")
         return
     from mjplug.wire.network import open_network
@@ -130,7 +130,7 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro, _ros_parameters(settings))
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
     try:
-        server = Server(settings, simulation, network, plugins)
+        server = Server(settings, simulation, network, plugins, OfflineWorkers())
     except BaseException:
         network.close("the server could not start")
         raise

@@ -2,11 +2,13 @@
 
 from mjplug.core.memory import doubles
 from mjplug.core.scheduler import Event, Slow, Timer
+from mjplug.diagnosis import Diagnosis, Level
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName, quoted
 from mjplug.frame import CdrFrame
 from mjplug.plugin.host import Host
 from mjplug.plugin.plugin import Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
+from mjplug.work import Job, UnavailableError, Work, Worker
 
 __all__ = [
     "CLOCK",
@@ -15,8 +17,11 @@ __all__ = [
     "LATEST",
     "Call",
     "CdrFrame",
+    "Diagnosis",
     "Event",
     "Host",
+    "Job",
+    "Level",
     "MjplugError",
     "Parameters",
     "Plugin",
@@ -26,7 +31,10 @@ __all__ = [
     "RequestError",
     "Slow",
     "Timer",
+    "UnavailableError",
     "UnknownName",
+    "Work",
+    "Worker",
     "doubles",
     "quoted",
 ]

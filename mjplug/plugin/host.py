@@ -1,9 +1,9 @@
 """What a plugin may use of the server, under the names that ROS users know. Physics thread only."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from typing import Any, Protocol, TypeVar
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 import mujoco
 import numpy as np
@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from mjplug.core.loop import Loop, Stepper
 from mjplug.core.scheduler import Slow, Timer
+from mjplug.diagnosis import Diagnosis, Diagnostics, Level
 from mjplug.errors import PluginError
 from mjplug.log import INSTANCES
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug.work import Job, Order, Work, Worker, Workers
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
+P = ParamSpec("P")
 
 Resolve = Callable[[str], str]
 """Turns a name as a plugin writes it into the full ROS name."""
@@ -49,6 +52,8 @@ class Host:
         loop: The physics loop.
         transport: Where endpoints are declared.
         resolve: The instance's name rules.
+        workers: Who runs the works that the plugin hands over.
+        diagnostics: Where the plugin's own state is asked for.
         seed: `sim.seed`.
         disable_on_error: Whether an exception in the plugin's own work switches the plugin off instead of stopping the
             server.
@@ -60,6 +65,8 @@ class Host:
         loop: Loop,
         transport: Transport,
         resolve: Resolve,
+        workers: Workers,
+        diagnostics: Diagnostics,
         seed: int = 0,
         disable_on_error: bool = False,
     ) -> None:
@@ -72,6 +79,8 @@ class Host:
         self._simulation = loop.simulation
         self._transport = transport
         self._resolve = resolve
+        self._workers = workers
+        self._diagnostics = diagnostics
         self._disable_on_error = disable_on_error
         self._disabled = ""
         self._stepper: Stepper | None = None
@@ -251,19 +260,66 @@ class Host:
         self._sleepers[while_matched].append(timer)
         return timer
 
+    def create_worker(
+        self,
+        work: Work,
+        publishers: Sequence[Publisher[Any]],
+        *,
+        environments: Sequence[Mapping[str, str]] = ({},),
+        sync: bool = False,
+        on_ready: Callable[[str], None] | None = None,
+        on_done: Callable[[Job, Any], None] | None = None,
+        on_lost: Callable[[frozenset[str], str], None] | None = None,
+    ) -> Worker:
+        """Hands work that is too costly for the physics thread to a process of its own.
+
+        Args:
+            work: What to do; see `Work`.
+            publishers: Publishers of this host that the work publishes to; the plugin leaves the publishing to it.
+            environments: Environment variables for the process, tried in this order until the work opens.
+            sync: Whether `submit` waits until the work is done, so that physics runs in lockstep with it.
+            on_ready: Gets what `Work.open` said, each time the work has been opened.
+            on_done: Gets each job that was performed, and what `perform` returned.
+            on_lost: Gets the tasks that will not be performed, and why.
+        """
+        order = Order(
+            self.name,
+            work,
+            tuple(publishers),
+            environments,
+            sync,
+            self._guarded(on_ready or _nothing),
+            self._guarded(on_done or _nothing),
+            self._guarded(on_lost or _nothing),
+        )
+        return self._workers.start(order, self._simulation, self._loop.inbox)
+
+    def create_diagnostic(self, name: str, task: Callable[[], Diagnosis]) -> None:
+        """Adds a status to `/diagnostics`, as diagnostic_updater's `add` does.
+
+        Args:
+            name: What the status is about; the instance's name is put before it. Empty: the instance itself.
+            task: Called about once a second of wall time, and answers what to say.
+        """
+
+        def ask() -> Diagnosis:
+            return Diagnosis(Level.ERROR, self._disabled) if self._disabled else task()
+
+        self._diagnostics.add(f"{self.name}: {name}" if name else self.name, ask)
+
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
         self._stepper = _PluginStepper(plugin.update, self._guarded(plugin.on_reset), self._fail)
         self._loop.add(self._stepper)
 
-    def _guarded(self, callback: Callable[[], None]) -> Callable[[], None]:
+    def _guarded(self, callback: Callable[P, None]) -> Callable[P, None]:
         """Wraps the plugin's own work, so that its failure is loud and follows the `on_plugin_error` policy."""
 
-        def call() -> None:
+        def call(*args: P.args, **kwargs: P.kwargs) -> None:
             if self._disabled:
                 return
             try:
-                callback()
+                callback(*args, **kwargs)
             except Exception as error:
                 self._fail(error)
 
@@ -287,3 +343,7 @@ class _PluginStepper:
         self.update = update
         self.on_reset = on_reset
         self.failed = failed
+
+
+def _nothing(*_: Any) -> None:
+    pass

@@ -4,6 +4,7 @@ from fakes import FakeTransport
 from mjplug.config.settings import Settings
 from mjplug.core.simulation import Simulation
 from mjplug.errors import PluginError
+from mjplug.offline import OfflineWorkers
 from mjplug.plugin import Parameters, Plugin, RequestError
 from mjplug.plugin.selection import Selected
 from mjplug.server import Server
@@ -42,7 +43,7 @@ def serve(model, *plugins, **settings):
     settings = Settings.model_validate({"model": "x.xml", **settings})
     transport = FakeTransport()
     selected = [Selected(name, plugin, Parameters()) for name, plugin in plugins]
-    return Server(settings, Simulation(model), transport, selected), transport
+    return Server(settings, Simulation(model), transport, selected, OfflineWorkers()), transport
 
 
 def test_the_server_offers_its_services_under_its_own_name(arm_model):

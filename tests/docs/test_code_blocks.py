@@ -14,7 +14,7 @@ from mjplug.config import read
 from mjplug.core.model_file import load_model
 from mjplug.core.simulation import Simulation
 from mjplug.errors import ConfigError
-from mjplug.offline import OfflineTransport
+from mjplug.offline import OfflineTransport, OfflineWorkers
 from mjplug.plugin.registry import GROUP
 from mjplug.plugin.selection import select
 from mjplug.server import Server
@@ -102,7 +102,7 @@ def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reade
     if "type:" in block.text:
         assert plugins
     model = load_model(loaded.settings.model, folder)
-    Server(loaded.settings, Simulation(model.model), OfflineTransport(), plugins).cleanup()
+    Server(loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkers()).cleanup()
 
 
 @of("json")

@@ -19,6 +19,7 @@ from mjplug.config.document import unquoted
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.core.model_location import SUFFIXES, bundled_models
 from mjplug.core.simulation import Simulation
+from mjplug.offline import OfflineWorkers
 from mjplug.plugin import Host, Plugin, registry
 from mjplug.plugin.selection import Selected
 from mjplug.server import Server
@@ -95,7 +96,7 @@ def test_every_topic_and_service_is_in_a_table_with_its_type():
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     required = {"BaseVelocity": {"body": "box"}}
     selected = [Selected(c.__name__, c, c.parameters_type(**required.get(c.__name__, {}))) for c in CLASSES]
-    Server(Settings(model="?"), Simulation(model), transport, selected).cleanup()
+    Server(Settings(model="?"), Simulation(model), transport, selected, OfflineWorkers()).cleanup()
     assert len(transport.types) >= 9
     own = rows(section(WIRE, "Names of the server"))
     described = section(PLUGINS, "Services of the server")

@@ -12,7 +12,7 @@ from mjplug_schemas.std_srvs import Trigger
 @pytest.fixture
 def host(arm_world):
     rules = partial(resolve, namespace="/lab", node="camera", remap={"/lab/camera/scan": "/scan"})
-    return Host("camera", arm_world.loop, arm_world.transport, rules)
+    return Host("camera", arm_world.loop, arm_world.transport, rules, arm_world.workers, arm_world.diagnostics)
 
 
 @pytest.mark.parametrize(

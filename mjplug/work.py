@@ -1,0 +1,154 @@
+"""What a plugin hands to a process of its own: making messages that are too costly for the physics thread.
+
+A `Work` is built in the server, sent to the process, opened there, and then given one state of the world after the
+other. Plugins write the `Work` and hold a `Worker`; who runs it is `Workers`: processes in the server, the calling
+thread in tests, nobody where there is no network.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from logging import Logger
+from typing import Any, Protocol
+
+import mujoco
+
+from mjplug.core.inbox import Inbox
+from mjplug.core.simulation import Simulation
+from mjplug.errors import MjplugError
+from mjplug.transport import Publisher
+
+
+class UnavailableError(MjplugError):
+    """A work cannot be done on this machine, or not in this environment; the sentence says what would help."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What to make of one state of the world.
+
+    Attributes:
+        time_ns: The state's simulated time [ns]; the stamp of everything made of it.
+        epoch: Resets of the world before it.
+        tasks: What is to be made, in the plugin's own words.
+    """
+
+    time_ns: int
+    epoch: int
+    tasks: frozenset[str]
+
+
+class Work(ABC):
+    """What runs in the process. It must pickle before `open`, so it holds settings; what is heavy is made by `open`."""
+
+    @abstractmethod
+    def open(self, model: mujoco.MjModel, publishers: Sequence[Publisher[Any]], logger: Logger) -> str:
+        """Takes what it needs; called once, in the process, with its environment set.
+
+        Args:
+            model: A copy of the model, the work's own: it may be changed.
+            publishers: Those given to `create_worker`, in their order, here to be published to.
+            logger: Its lines appear in the server's log.
+
+        Returns:
+            What the user should know, for the log: `rendering with EGL (llvmpipe, software)`; may be empty.
+
+        Raises:
+            UnavailableError: It cannot be done in this environment; the next one is tried.
+        """
+
+    @abstractmethod
+    def perform(self, data: mujoco.MjData, job: Job) -> Any:
+        """Makes and publishes what the job names.
+
+        Args:
+            data: The state, with the kinematics of its positions.
+            job: What to make, and the state's time.
+
+        Returns:
+            What the plugin's `on_done` gets; it must pickle.
+        """
+
+    def close(self) -> None:  # noqa: B027 - most works have nothing to release
+        """Releases what `open` took; called also after an `open` that failed."""
+
+
+def _ignore(*_: Any) -> None:
+    pass
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What a plugin wants done, and what it wants to hear of it. The calls come on the physics thread.
+
+    Attributes:
+        name: The plugin instance's name.
+        work: What to do.
+        publishers: What it publishes to.
+        environments: Environment variables for the process; they are tried in this order until the work opens.
+        sync: Whether `submit` waits until the work is done: lockstep.
+        on_ready: Gets what `Work.open` said, each time the work has been opened.
+        on_done: Gets each job that was performed, and what `perform` returned.
+        on_lost: Gets the tasks that will not be performed, and why: the process died, `perform` raised, or the work
+            is unavailable.
+    """
+
+    name: str
+    work: Work
+    publishers: Sequence[Publisher[Any]]
+    environments: Sequence[Mapping[str, str]] = ({},)
+    sync: bool = False
+    on_ready: Callable[[str], None] = _ignore
+    on_done: Callable[[Job, Any], None] = _ignore
+    on_lost: Callable[[frozenset[str], str], None] = _ignore
+
+
+@dataclass(slots=True)
+class Health:
+    """How a worker fares.
+
+    Attributes:
+        state: `starting`, `running`, `restarting` or `unavailable`; `unavailable` is final.
+        reason: Why it does not run; empty while it does.
+        performed: Jobs done.
+        dropped: By task, how often a newer state took the place of one that had waited.
+        restarts: How often the process had to be started again.
+    """
+
+    state: str = "starting"
+    reason: str = ""
+    performed: int = 0
+    dropped: dict[str, int] = field(default_factory=dict)
+    restarts: int = 0
+
+
+class Worker(Protocol):
+    """A work under way, as its plugin sees it. Physics thread only."""
+
+    @property
+    def health(self) -> Health:
+        """How it fares, for diagnostics."""
+
+    def submit(self, tasks: Iterable[str]) -> None:
+        """Hands over the present state, to be made into `tasks`.
+
+        It never waits, unless the order is `sync`. One job is performed at a time; a newer state takes the place of
+        one that waits, which keeps its tasks: those in both are counted as dropped once. An unavailable worker
+        answers with `on_lost`.
+        """
+
+
+class Workers(Protocol):
+    """Who runs works."""
+
+    def start(self, order: Order, simulation: Simulation, inbox: Inbox) -> Worker:
+        """Starts one; it gets ready in its own time.
+
+        Args:
+            order: What to do.
+            simulation: Where `submit` takes the state from.
+            inbox: Through which the order's calls reach the physics thread.
+        """
+
+    def close(self) -> None:
+        """Ends all of them; a second call does nothing."""
