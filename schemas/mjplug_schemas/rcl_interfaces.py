@@ -1,9 +1,10 @@
-"""The ROS package rcl_interfaces: the parameters of nodes."""
+"""The ROS package rcl_interfaces: the parameters and the log of nodes."""
 
 from typing import Annotated, ClassVar
 
 from pydantic import Field
 
+from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.idl import (
     AtMost,
     boolean,
@@ -14,6 +15,7 @@ from mjplug_schemas.idl import (
     string,
     uint8,
     uint8_sequence,
+    uint32,
     uint64,
 )
 from mjplug_schemas.message import Message, Service
@@ -101,6 +103,24 @@ class ListParametersResult(Message):
 
     names: sequence[string] = Field((), description="Their full names.")
     prefixes: sequence[string] = Field((), description="The groups that they are in.")
+
+
+class Log(Message):
+    """One line of a node's log."""
+
+    DEBUG: ClassVar[uint8] = 10
+    INFO: ClassVar[uint8] = 20
+    WARN: ClassVar[uint8] = 30
+    ERROR: ClassVar[uint8] = 40
+    FATAL: ClassVar[uint8] = 50
+
+    stamp: Time = Field(Time(), description="When it was logged [s, ns].")
+    level: uint8 = Field(0, description="How grave it is, one of DEBUG to FATAL.")
+    name: string = Field("", description="The logger.")
+    msg: string = Field("", description="The text.")
+    file: string = Field("", description="The source file it comes from.")
+    function: string = Field("", description="The function it comes from.")
+    line: uint32 = Field(0, description="The line of the source file.")
 
 
 class DescribeParameters(Service):

@@ -6,14 +6,19 @@ from types import MappingProxyType
 
 from mjplug_schemas import (
     builtin_interfaces,
+    control_msgs,
+    diagnostic_msgs,
     geometry_msgs,
     mujoco_ros2_control_msgs,
+    nav_msgs,
     rcl_interfaces,
     rosgraph_msgs,
     sensor_msgs,
     service_msgs,
     std_msgs,
     std_srvs,
+    tf2_msgs,
+    trajectory_msgs,
     type_description_interfaces,
     visualization_msgs,
 )
@@ -22,14 +27,19 @@ from mjplug_schemas.message import Message, Service
 
 _PACKAGES = (
     builtin_interfaces,
+    control_msgs,
+    diagnostic_msgs,
     geometry_msgs,
     mujoco_ros2_control_msgs,
+    nav_msgs,
     rcl_interfaces,
     rosgraph_msgs,
     sensor_msgs,
     service_msgs,
     std_msgs,
     std_srvs,
+    tf2_msgs,
+    trajectory_msgs,
     type_description_interfaces,
     visualization_msgs,
 )

@@ -112,6 +112,8 @@ def octets(name: str) -> CoreSchema:
 def _octets(value: Any, name: str, from_json: bool) -> bytes:
     if isinstance(value, bytearray | memoryview):
         return bytes(value)
+    if (octets := _unsigned_octets(value)) is not None:
+        return octets
     if isinstance(value, str) and from_json:
         standard = value.replace("-", "+").replace("_", "/")
         with suppress(ValueError):
@@ -124,6 +126,15 @@ def _octets(value: Any, name: str, from_json: bool) -> bytes:
         if type(octet) is not int or not 0 <= octet <= 255:
             raise _must(f"hold integers from 0 to 255, but element {index} is {reprlib.repr(octet)}", True)
     return bytes(values)
+
+
+def _unsigned_octets(value: Any) -> bytes | None:
+    # An image as a numpy array is a million elements: they are not to be looked at one by one.
+    try:
+        view = memoryview(value)
+    except TypeError:
+        return None
+    return view.tobytes() if view.format == "B" and view.ndim == 1 else None
 
 
 def _base64(value: bytes) -> str:

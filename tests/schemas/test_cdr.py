@@ -41,7 +41,7 @@ from mjplug_schemas.idl import (
 )
 from mjplug_schemas.message import Message
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray
-from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.sensor_msgs import JointState, PointField
 from mjplug_schemas.shape import fields
 from mjplug_schemas.std_msgs import Bool, ColorRGBA, Empty, Float32, Header, Int32, MultiArrayLayout, String
 from mjplug_schemas.std_srvs import Trigger
@@ -75,13 +75,6 @@ class ByteBytesDouble(Message):
     a: uint8 = Field(0)
     b: uint8_sequence = Field(b"")
     c: float64 = Field(0.0)
-
-
-class PointField(Message, package="sensor_msgs"):
-    name: string = Field("")
-    offset: uint32 = Field(0)
-    datatype: uint8 = Field(0)
-    count: uint32 = Field(0)
 
 
 class PointFields(Message):

@@ -33,7 +33,16 @@ from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import SetBool, Trigger
 
 HASHES = json.loads((Path(__file__).parent / "vectors" / "rihs01.json").read_text())
+# The fields of interfaces that rosbags does not ship, as ROS's own files list them.
+ELSEWHERE = {
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "control_msgs/msg/DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\nInterfaceValue[] interface_values\n"
+    ),
+}
 JAZZY = get_typestore(Stores.ROS2_JAZZY)
+for name, text in ELSEWHERE.items():
+    JAZZY.register(get_types_from_msg(text, name))
 
 MESSAGES = [interface for interface in registry.all_types().values() if issubclass(interface, Message)]
 SERVICES = [interface for interface in registry.all_types().values() if issubclass(interface, Service)]
@@ -214,9 +223,9 @@ def test_an_unknown_type_is_explained(name, hint):
         registry.find(name)
     assert isinstance(caught.value, UnknownType)
     assert str(caught.value) == (
-        f"unknown type {name!r}{hint}; known packages: builtin_interfaces, geometry_msgs, mujoco_ros2_control_msgs, "
-        "rcl_interfaces, rosgraph_msgs, sensor_msgs, service_msgs, std_msgs, std_srvs, type_description_interfaces, "
-        "visualization_msgs"
+        f"unknown type {name!r}{hint}; known packages: builtin_interfaces, control_msgs, diagnostic_msgs, "
+        "geometry_msgs, mujoco_ros2_control_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, service_msgs, "
+        "std_msgs, std_srvs, tf2_msgs, trajectory_msgs, type_description_interfaces, visualization_msgs"
     )
 
 

@@ -12,7 +12,7 @@ from mjplug.frame import CdrFrame
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray
-from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.sensor_msgs import Image, JointState, PointCloud2, PointField
 from mjplug_schemas.std_msgs import Bool, Float32MultiArray, Header, String
 
 TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
@@ -119,3 +119,32 @@ def test_a_stamp_that_does_not_fit_is_refused():
     frame = CdrFrame(JointState())
     with pytest.raises(struct.error):
         frame.set_stamp("header.stamp", 2**31 * 10**9)
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "mono16", "32FC1"])
+def test_the_pixels_of_an_image_are_written_in_place(encoding):
+    like = Image(header=Header(frame_id="eye"), height=4, width=6, encoding=encoding, step=18, data=bytes(72))
+    frame = CdrFrame(like)
+    pixels = np.arange(72, dtype=np.uint8).reshape(4, 6, 3)
+    view = frame.view("data")
+    assert (view.dtype, view.shape, view.flags.writeable) == (np.uint8, (72,), True)
+    view.reshape(4, 6, 3)[:] = pixels
+    frame.view("height")[:] = 2
+    assert frame.payload() == like.model_copy(update={"height": 2, "data": pixels.tobytes()}).to_cdr()
+
+
+@pytest.mark.parametrize("names", ["xyz", "xyzi", ("x", "y", "z", "rgb")])
+def test_the_points_of_a_cloud_are_written_in_place(names):
+    fields = tuple(PointField(name=name, offset=4 * i, datatype=7, count=1) for i, name in enumerate(names))
+    step = 4 * len(names)
+    like = PointCloud2(height=1, width=5, fields=fields, point_step=step, row_step=5 * step, data=bytes(5 * step))
+    frame = CdrFrame(like)
+    points = np.random.default_rng(1).random((5, len(names)), np.float32)
+    # The length of a sequence of bytes is a multiple of 4 here, and so is its place: it can be seen as floats.
+    frame.view("data").view(np.float32).reshape(5, len(names))[:] = points
+    frame.view("is_dense")[:] = True
+    frame.set_stamp("header.stamp", 2_000_000_003)
+    stamped = Header(stamp=Time(sec=2, nanosec=3))
+    expected = like.model_copy(update={"header": stamped, "data": points.tobytes(), "is_dense": True})
+    assert frame.payload() == expected.to_cdr()
+    assert PointCloud2.from_cdr(frame.payload()) == expected
