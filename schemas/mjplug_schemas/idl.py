@@ -53,7 +53,7 @@ class Primitive:
         if self.name == "bool":
             return validate.scalar(self.name, "true or false", core_schema.bool_schema(strict=True))
         if self.name == "float64":
-            return validate.scalar(self.name, "a number", core_schema.float_schema(strict=True))
+            return validate.scalar(self.name, "a number", validate.number())
         if self.name == "float32":
             return validate.float32()
         low, high = self.limits

@@ -23,7 +23,7 @@ class Message(BaseModel):
         frozen=True,
         extra="forbid",
         protected_namespaces=(),
-        ser_json_inf_nan="constants",
+        ser_json_inf_nan="strings",
     )
 
     TYPE: ClassVar[str] = ""
@@ -55,7 +55,7 @@ class Message(BaseModel):
         return cdr.decode(cls, buffer)
 
     def to_json(self) -> bytes:
-        """Returns the message as JSON in UTF-8; NaN and infinities as `NaN`, `Infinity`, `-Infinity`."""
+        """Returns the message as JSON in UTF-8; NaN and infinities are texts, `"NaN"`, `"Infinity"`, `"-Infinity"`."""
         return self.__pydantic_serializer__.to_json(self)
 
     @classmethod

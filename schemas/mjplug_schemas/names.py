@@ -105,9 +105,8 @@ def dds_type(type_name: str) -> str:
 
 def _check_tokens(kind: str, name: str, tokens: str) -> None:
     if bad := re.search(r"[^A-Za-z0-9_/]", tokens):
-        raise _broken(
-            kind, name, f"{bad[0]!r} is not allowed, only letters of the English alphabet, digits, '_' and '/'"
-        )
+        allowed = "digits and '_'" if kind == "node name" else "digits, '_' and '/'"
+        raise _broken(kind, name, f"{bad[0]!r} is not allowed, only letters of the English alphabet, {allowed}")
     for token in tokens.split("/"):
         if not token:
             raise _broken(kind, name, "there is no '//' in a name")

@@ -44,9 +44,26 @@ def _item(value: Any) -> Any:
     return value.item() if getattr(value, "shape", None) == () else value
 
 
+def number() -> CoreSchema:
+    """Returns the schema of a floating-point number; JSON has words for those that it cannot write as numbers.
+
+    They are those of protobuf's JSON mapping (https://protobuf.dev/programming-guides/json/). The bare `NaN` and
+    `Infinity` that Python writes are read too.
+    """
+    plain = core_schema.float_schema(strict=True)
+    words = core_schema.no_info_after_validator_function(
+        float, core_schema.literal_schema(["NaN", "Infinity", "-Infinity"])
+    )
+    return core_schema.json_or_python_schema(
+        core_schema.union_schema([plain, words], mode="left_to_right"),
+        plain,
+        serialization=core_schema.simple_ser_schema("float"),
+    )
+
+
 def float32() -> CoreSchema:
     """Returns the schema of a float32: rounded to single precision, so a message equals itself after the wire."""
-    schema = core_schema.no_info_after_validator_function(_round, core_schema.float_schema(strict=True))
+    schema = core_schema.no_info_after_validator_function(_round, number())
     return scalar("float32", "a number no larger than 3.4028235e38", schema)
 
 
@@ -59,7 +76,7 @@ def _round(value: float) -> float:
 
 def float32_sequence() -> CoreSchema:
     """Returns the schema of a sequence of float32, rounded in one go."""
-    numbers = scalar("float32", "a number no larger than 3.4028235e38", core_schema.float_schema(strict=True))
+    numbers = scalar("float32", "a number no larger than 3.4028235e38", number())
     return core_schema.no_info_after_validator_function(_round_all, sequence(numbers))
 
 

@@ -39,12 +39,38 @@ def test_json_is_read_from_text_and_from_any_bytes():
         assert String.from_json(buffer) == String(data="x")
 
 
-def test_nan_and_infinities_are_written_as_python_and_javascript_name_them():
-    original = JointState(position=[math.nan, math.inf, -math.inf])
-    assert b'"position":[NaN,Infinity,-Infinity]' in original.to_json()
-    decoded = JointState.from_json(original.to_json())
+def no_constant(text):
+    raise AssertionError(f"{text} is no JSON")
+
+
+def test_nan_and_infinities_are_texts_so_that_every_parser_reads_them():
+    original = JointState(position=[math.nan, math.inf, -math.inf, 1.5])
+    text = original.to_json()
+    assert json.loads(text, parse_constant=no_constant)["position"] == ["NaN", "Infinity", "-Infinity", 1.5]
+    decoded = JointState.from_json(text)
     assert math.isnan(decoded.position[0])
-    assert decoded.position[1:] == (math.inf, -math.inf)
+    assert decoded.position[1:] == (math.inf, -math.inf, 1.5)
+
+
+@pytest.mark.parametrize("message_type", [Float32, Float64])
+@pytest.mark.parametrize(("text", "value"), [("Infinity", math.inf), ("-Infinity", -math.inf), ("NaN", math.nan)])
+def test_nan_and_infinities_are_read_as_texts_and_as_python_writes_them(message_type, text, value):
+    for written in (f'"{text}"', text):
+        assert str(message_type.from_json(f'{{"data": {written}}}').data) == str(value)
+    scan = Float32MultiArray.from_json(f'{{"data": [1, "{text}"]}}')
+    assert str(scan.data) == str((1.0, value))
+    assert f'"data":[1.0,"{text}"]'.encode() in scan.to_json()
+
+
+@pytest.mark.parametrize("text", ["inf", "nan", "infinity", "+Infinity", "1.5", ""])
+def test_no_other_text_is_a_number(text):
+    with pytest.raises(CodecError, match="data must be a float64"):
+        Float64.from_json(f'{{"data": "{text}"}}')
+
+
+def test_in_python_no_text_is_a_number():
+    with pytest.raises(ValueError, match="must be a float64"):
+        Float64(data="Infinity")
 
 
 def test_fields_left_out_have_ros_initial_values():
@@ -165,6 +191,9 @@ def test_every_type_has_a_json_schema_with_all_its_fields(message):
         assert {"type", "$ref", "anyOf"} & field.keys()
 
 
+NUMBER = {"anyOf": [{"type": "number"}, {"enum": ["NaN", "Infinity", "-Infinity"], "type": "string"}]}
+
+
 def test_the_json_schema_tells_ranges_bounds_and_units():
     assert Header.model_json_schema()["$defs"]["Time"]["properties"]["sec"] == {
         "default": 0,
@@ -177,4 +206,4 @@ def test_the_json_schema_tells_ranges_bounds_and_units():
     bounded = Bounded.model_json_schema()["properties"]
     assert (bounded["name"]["maxLength"], bounded["few"]["maxItems"]) == (5, 3)
     covariance = AccelWithCovariance.model_json_schema()["properties"]["covariance"]
-    assert (covariance["minItems"], covariance["maxItems"], covariance["items"]) == (36, 36, {"type": "number"})
+    assert (covariance["minItems"], covariance["maxItems"], covariance["items"]) == (36, 36, NUMBER)
