@@ -1,8 +1,11 @@
 """What a part of the server says of its own state, for `/diagnostics`."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+
+_log = logging.getLogger(__name__)
 
 
 class Level(IntEnum):
@@ -34,11 +37,35 @@ class Diagnostics:
 
     def __init__(self) -> None:
         self._tasks: dict[str, Callable[[], Diagnosis]] = {}
+        self._failed: set[str] = set()
 
     def add(self, name: str, task: Callable[[], Diagnosis]) -> None:
         """Adds one to ask about once a second of wall time; a second one of the same name takes its place."""
         self._tasks[name] = task
+        self._failed.discard(name)
 
     def diagnose(self) -> dict[str, Diagnosis]:
-        """Asks all of them."""
-        return {name: task() for name, task in self._tasks.items()}
+        """Asks all of them; every value is text in what they answer.
+
+        One that raises, or answers what is no diagnosis, has an error for a status, and is logged the first time.
+        """
+        return {name: self._ask(name, task) for name, task in self._tasks.items()}
+
+    def _ask(self, name: str, task: Callable[[], Diagnosis]) -> Diagnosis:
+        try:
+            said = task()
+            if not isinstance(said, Diagnosis):
+                raise TypeError(f"a diagnostic returns a Diagnosis, not {said!r}")
+            values = {_text(key): _text(value) for key, value in said.values.items()}
+            return Diagnosis(Level(said.level), _text(said.message), values)
+        except Exception as error:
+            if name not in self._failed:
+                self._failed.add(name)
+                _log.exception("the diagnostic of %s failed", name)
+            return Diagnosis(Level.ERROR, _text(f"its diagnostic failed: {error!r}"))
+
+
+def _text(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    # What is no ROS string, such as an undecodable file name, must not keep the other statuses back.
+    return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")

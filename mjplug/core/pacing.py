@@ -27,6 +27,7 @@ class Pacer:
     Attributes:
         speed: Real-time factor, or `max` for no pacing.
         dropped: Lag dropped since the start [s of wall time].
+        drops: How often lag was dropped.
 
     Args:
         time: Step length.
@@ -36,6 +37,7 @@ class Pacer:
     def __init__(self, time: StepTime, speed: Speed) -> None:
         self.speed = speed
         self.dropped = 0.0
+        self.drops = 0
         self._timestep = float(time.timestep)
         self._anchor_step = 0
         self._anchor = 0.0
@@ -70,6 +72,7 @@ class Pacer:
         excess = lag - LARGEST_LAG - self.period
         if excess > 0.0:
             self.dropped += excess
+            self.drops += 1
             self._report(now)
             self._anchor += excess
             lag -= excess

@@ -156,6 +156,11 @@ class Scheduler:
         self._jobs: dict[Job, None] = {}
         self._step = 0
 
+    @property
+    def waiting(self) -> int:
+        """How many requests wait."""
+        return len(self._jobs)
+
     def every(
         self,
         period_steps: Fraction,
