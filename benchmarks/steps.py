@@ -1,17 +1,22 @@
 """Steps per second of the whole server at speed max, against a bare loop of `mj_step(nstep=100)`."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
 
 from benchmarks.measure import Result, pairs
-from benchmarks.world import MIDDLING, SMALL, BareLoop, server
+from benchmarks.world import MIDDLING, PLUGINS, SMALL, BareLoop, every_plugin, server
 from mjplug.core import process
+from mjplug.plugin.selection import Selected
+from mjplug.server import Server
 from mjplug_schemas.builtin_interfaces import Duration
-from mjplug_schemas.geometry_msgs import Vector3, Wrench, WrenchStamped
+from mjplug_schemas.geometry_msgs import Twist, Vector3, Wrench, WrenchStamped
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, ExternalWrenchArray
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.std_msgs import Header
+
+BASE = "base_link"
+"""The body of both models that has the free joint."""
 
 SECONDS, REPEATS = 0.1, 31
 """Wall time of one measurement, about [s]: short, so that both of a pair meet the same weather; and how many pairs."""
@@ -41,12 +46,12 @@ def _tiny_wrench(body: str) -> _Call:
 
 
 @contextmanager
-def _served(uri: str, steps: int, wrench: bool) -> Iterator[Callable[[], float]]:
+def _served(
+    uri: str, steps: int, plugins: Sequence[Selected], prepare: Callable[[Server], None]
+) -> Iterator[Callable[[], float]]:
     """Gives a function that takes `steps` steps with a whole server and returns how many it takes a second."""
-    with server(uri) as (served, _):
-        if wrench:
-            plugin = served.plugins["external_wrench"]
-            served.loop.serve(_tiny_wrench("base_link"), plugin._apply)  # the plugin's handler, without a client
+    with server(uri, plugins=plugins) as (served, _):
+        prepare(served)
         loop = served.loop
 
         def measure() -> float:
@@ -61,14 +66,35 @@ def _served(uri: str, steps: int, wrench: bool) -> Iterator[Callable[[], float]]
             yield measure
 
 
+def _nothing(served: Server) -> None:
+    pass
+
+
+def _push(served: Server) -> None:
+    # The plugin's handler, without a client.
+    served.loop.serve(_tiny_wrench(BASE), served.plugins["external_wrench"]._apply)
+
+
+def _drive(served: Server) -> None:
+    """So slowly that the model does what it did."""
+    served.plugins["base_velocity"]._take(Twist(linear=Vector3(x=1e-6), angular=Vector3(z=1e-6)))
+
+
 def results() -> list[Result]:
-    """Two models, idle and with one active wrench."""
+    """Two models: idle, with one active wrench, with every plugin there is, with a base that is driven."""
+    every = every_plugin(BASE)
+    cases = [
+        (PLUGINS, _nothing, "idle", ">= 0.95"),
+        (PLUGINS, _push, "one active wrench", ">= 0.6"),
+        (every, _nothing, f"all {len(every)} plugins, nobody subscribed", ">= 0.9"),
+        (every, _drive, f"all {len(every)} plugins, a driven base", ">= 0.6"),
+    ]
     found = []
     for uri, word in ((SMALL, "small"), (MIDDLING, "middling")):
         bare = BareLoop(uri)
         steps = int(SECONDS * bare.steps_per_second(5000)) // 100 * 100
-        for wrench, state, goal in ((False, "idle", ">= 0.95"), (True, "one active wrench", ">= 0.6")):
-            with _served(uri, steps, wrench) as ours:
+        for plugins, prepare, state, goal in cases:
+            with _served(uri, steps, plugins, prepare) as ours:
                 result = pairs(
                     f"steps/s, {word} model, {state}, against bare mj_step(nstep=100)",
                     ours,

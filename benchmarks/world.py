@@ -1,7 +1,7 @@
 """The servers that are measured: real ones, on a real Zenoh session."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -14,9 +14,11 @@ from mjplug.core import process
 from mjplug.core.model_file import load_model
 from mjplug.core.simulation import Simulation
 from mjplug.offline import OfflineWorkers
+from mjplug.plugin import registry
 from mjplug.plugin.selection import Selected
 from mjplug.server import Server
 from mjplug.wire.network import Network, open_network
+from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
 from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_plugins.heartbeat import Heartbeat
@@ -30,15 +32,28 @@ PLUGINS = [
 ]
 
 
+def every_plugin(base: str) -> list[Selected]:
+    """One instance of each plugin of mujoco_ros2_control_plugins, with default parameters; `base` can be driven."""
+    required = {"base_velocity": {"body": base, "cmd_timeout": float("inf")}}
+    points = registry.registered()
+    theirs = {point.value for name, point in points.items() if name.startswith("mujoco_ros2_control_plugins/")}
+    found = []
+    for name, point in points.items():
+        if "/" not in name and point.value in theirs:
+            plugin = registry.find(name)
+            found.append(Selected(name, plugin, plugin.parameters_type(**required.get(name, {}))))
+    return found
+
+
 def model_of(uri: str) -> mujoco.MjModel:
     """Compiles a model, afresh each time."""
     return load_model(uri).model
 
 
 @contextmanager
-def network() -> Iterator[Network]:
-    """Opens a session on a free port of this machine."""
-    opened = open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/mjplug")
+def network(ros2: RosSettings | None = None) -> Iterator[Network]:
+    """Opens a session on a free port of this machine; without `ros2`, for plain clients only."""
+    opened = open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/mjplug", ros2=ros2)
     try:
         yield opened
     finally:
@@ -46,15 +61,17 @@ def network() -> Iterator[Network]:
 
 
 @contextmanager
-def server(uri: str, speed: float | str = "max", timestep: float | None = None) -> Iterator[tuple[Server, Network]]:
-    """A whole server, with Heartbeat and ExternalWrench, in this process."""
+def server(
+    uri: str, speed: float | str = "max", timestep: float | None = None, plugins: Sequence[Selected] = PLUGINS
+) -> Iterator[tuple[Server, Network]]:
+    """A whole server, by default with Heartbeat and ExternalWrench, in this process."""
     settings = Settings.model_validate({"model": uri, "sim": {"speed": speed}})
     model = model_of(uri)
     if timestep is not None:
         model.opt.timestep = timestep
     with network() as opened:
         keyframe = model.key(0).name if model.nkey else ""
-        yield Server(settings, Simulation(model, keyframe), opened, PLUGINS, OfflineWorkers()), opened
+        yield Server(settings, Simulation(model, keyframe), opened, plugins, OfflineWorkers()), opened
 
 
 @contextmanager

@@ -15,7 +15,8 @@ _HEADER = 4
 """The CDR encapsulation header [bytes]; alignment counts from its end."""
 
 _PADDING = 4
-"""Bytes put before the payload, so that its body starts at a multiple of 8 and numpy sees aligned numbers."""
+"""Bytes put before the payload and cut off again: CPython then leaves the rest where it is, so that the body starts at
+a multiple of 8 and numpy sees aligned numbers. Elsewhere they would only be slower."""
 
 _STAMP = struct.Struct("<iI")
 _NANOSECONDS = 1_000_000_000
@@ -41,10 +42,11 @@ class CdrFrame:
     """The CDR bytes of one message, with writable numpy views on its numbers.
 
     What the message fixes stays fixed: strings, and the length of every sequence. When those change, build a new frame.
-    Not thread-safe; the payload is a copy, so it may be sent while the next values are written.
+    Not thread-safe.
 
     Attributes:
         type: The message's class.
+        buffer: The message's CDR bytes themselves; they change with the next write.
 
     Args:
         message: Gives the strings, the lengths and the first values.
@@ -53,8 +55,8 @@ class CdrFrame:
     def __init__(self, message: Message) -> None:
         encoded, self._layout = encode_with_layout(message)
         self.type = type(message)
-        self._store = bytearray(_PADDING) + encoded
-        self._payload = memoryview(self._store)[_PADDING:]
+        self.buffer = bytearray(_PADDING) + encoded
+        del self.buffer[:_PADDING]
         self._stamps: dict[str, int] = {}
 
     def view(self, path: str) -> NDArray[Any]:
@@ -75,7 +77,7 @@ class CdrFrame:
             if span.offset != end:
                 raise TypeError(f"the numbers of {path!r} are not next to each other; take views of its fields")
             end += span.count * dtype.itemsize
-        return np.frombuffer(self._store, dtype, sum(span.count for span in spans), _PADDING + spans[0].offset)
+        return np.frombuffer(self.buffer, dtype, sum(span.count for span in spans), spans[0].offset)
 
     def slots(self, paths: Iterable[str]) -> "Slots":
         """Returns the numbers of many fields, wherever they lie, as one flat array to assign.
@@ -93,8 +95,7 @@ class CdrFrame:
             return Slots(np.empty(0), np.empty(0, np.intp))
         dtype = self._dtype(", ".join(paths[:3]), spans)
         # A view of the whole body as this type: the body is aligned, so every such number is one of its elements.
-        start = _PADDING + _HEADER
-        words = np.frombuffer(self._store, dtype, (len(self._store) - start) // dtype.itemsize, start)
+        words = np.frombuffer(self.buffer, dtype, (len(self.buffer) - _HEADER) // dtype.itemsize, _HEADER)
         first = [(span.offset - _HEADER) // dtype.itemsize for span in spans]
         index = np.concatenate([np.arange(at, at + span.count) for at, span in zip(first, spans, strict=True)])
         return Slots(words, index.astype(np.intp))
@@ -113,17 +114,17 @@ class CdrFrame:
         offset = self._stamps.get(path)
         if offset is None:
             offset = self._stamps[path] = self._stamp_offset(path)
-        _STAMP.pack_into(self._store, offset, *divmod(time_ns, _NANOSECONDS))
+        _STAMP.pack_into(self.buffer, offset, *divmod(time_ns, _NANOSECONDS))
 
     def payload(self) -> bytes:
-        """Returns a copy of the message's CDR bytes as they are now."""
-        return bytes(self._payload)
+        """Returns a copy of `buffer`, which may be sent while the next values are written."""
+        return bytes(self.buffer)
 
     def _stamp_offset(self, path: str) -> int:
         stamps = [name.removesuffix(".sec") for name in self._layout if name.endswith(".sec")]
         if path not in stamps:
             raise UnknownName("stamp", path, stamps)
-        return _PADDING + self._layout[f"{path}.sec"].offset
+        return self._layout[f"{path}.sec"].offset
 
     def _spans(self, path: str) -> list[Span]:
         if span := self._layout.get(path):

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Generator
 from time import perf_counter
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,24 +11,22 @@ from numpy.typing import NDArray
 from mjplug.core.divergence import Divergence
 from mjplug.core.inbox import Inbox
 from mjplug.core.pacing import Pacer, Speed
+from mjplug.core.recovery import OnDivergence, Recovery
 from mjplug.core.reset import Reset
 from mjplug.core.scheduler import NEVER, Scheduler, Slow
 from mjplug.core.simulation import Simulation
 from mjplug.core.step_goals import StepGoals
+from mjplug.core.timing import Timing
+from mjplug.core.velocity import VelocityOverride
 from mjplug.errors import MjplugError, RequestError
 from mjplug.transport import Call
 from mjplug_schemas.message import Message
 
-OnDivergence = Literal["pause", "reset", "stop"]
-
 BATCH_SECONDS = 0.002
 """Wall time after which a batch of steps looks at the inbox again [s]; a request at speed `max` waits no longer."""
 
-IDLE_SECONDS = 1.0
-"""How often something is done while simulated time stands still [s of wall time]."""
-
-STEPS_TO_RECOVER = 10
-"""A world that diverges again within so many steps after a reset would be reset for ever; it is paused instead."""
+SECOND = 1.0
+"""How often `on_second` and `on_idle` are called [s of wall time]."""
 
 _LARGEST_BATCH = 10_000
 
@@ -63,7 +61,10 @@ class Loop:
         paused: Whether simulated time stands still.
         on_reset: Called after every reset, when all steppers have been told.
         on_stepped: Called whenever steps asked for while paused have been taken.
-        on_idle: Called about every `IDLE_SECONDS` of wall time while paused.
+        on_idle: Called at once when `run` finds itself paused, and then about once a second of wall time while paused.
+        on_second: Called with the wall time [s] about once a second of it, paused or not, at any speed.
+        recovery: What follows a divergence.
+        timing: How long steps take and how late they are.
         failure: The error that ended `run`, if one did.
         last_step: `run` ends when this step has been taken.
     """
@@ -80,20 +81,22 @@ class Loop:
         self.inbox = Inbox()
         self.pacer = Pacer(simulation.time, speed)
         self.paused = paused
-        self._override: NDArray[np.float64] | None = None
+        self._override: VelocityOverride | None = None
         self.on_reset: list[Callable[[], None]] = []
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
+        self.recovery = Recovery(on_divergence)
+        self.on_second: list[Callable[[float], None]] = [self.recovery.report_held]
+        self.timing = Timing()
         self.failure: MjplugError | None = None
         self.last_step = NEVER
-        self._on_divergence = on_divergence
         self._steppers: list[Stepper] = []
         self._active: tuple[Stepper, ...] = ()
         self.goals = StepGoals()
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
-        self._recovered_at = -STEPS_TO_RECOVER
+        self._second_at = 0.0
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -102,8 +105,8 @@ class Loop:
         It is looked at from its first use on, so that a server without such plugins does not pay for it.
         """
         if self._override is None:
-            self._override = np.full(self.simulation.model.nv, np.nan)
-        return self._override
+            self._override = VelocityOverride(self.simulation.data.qvel)
+        return self._override.vector
 
     def add(self, stepper: Stepper) -> None:
         """Adds a stepper, inactive. Steppers are updated and told of resets in the order in which they were added."""
@@ -144,6 +147,11 @@ class Loop:
         self.paused = False
         self._anchor()
 
+    def set_speed(self, speed: Speed) -> None:
+        """Changes the real-time factor from now on; lag so far is forgotten."""
+        self.pacer.speed = speed
+        self._anchor()
+
     def reset(self, reset: Reset) -> None:
         """Resets the world; every request that waits is answered with a failure, and every stepper is told."""
         reset.apply(self.simulation)
@@ -180,6 +188,7 @@ class Loop:
         self._anchor()
         while not self._stopping:
             self.turn()
+        self.recovery.report_held(perf_counter(), at_the_end=True)
 
     def turn(self) -> None:
         """Does what is to be done now, or waits for the next step's deadline or a posted call, whichever is first."""
@@ -187,30 +196,39 @@ class Loop:
         step = self.simulation.step
         if self._stopping:
             return
+        now = perf_counter()
+        if now >= self._second_at:
+            now = self._second(now)
         if self.paused:
             if self.goals:
                 self._advance(self.goals.next_target)
             elif not polled:
-                self._idle()
+                self._idle(now)
         elif self.pacer.speed == "max":
             self._advance(step + self._batch)
         else:
-            now = perf_counter()
             due = self.pacer.due(step, now)
             if due > step:
+                self.timing.lateness.append(now - self.pacer.deadline(step + 1))
                 self._advance(due)
             else:
                 wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
-                self.inbox.wait(max(0.0, self.pacer.deadline(wake) - now))
+                self.inbox.wait(max(0.0, min(self.pacer.deadline(wake), self._second_at) - now))
 
-    def _idle(self) -> None:
+    def _second(self, now: float) -> float:
+        """Calls `on_second`; returns the wall time afterwards [s]."""
+        self._second_at = now + SECOND
+        for callback in self.on_second:
+            callback(now)
+        return perf_counter()
+
+    def _idle(self, now: float) -> None:
         """Waits for a posted call while paused, and now and then calls `on_idle`."""
-        now = perf_counter()
         if now >= self._idle_at:
-            self._idle_at = now + IDLE_SECONDS
+            self._idle_at = now + SECOND
             for callback in self.on_idle:
                 callback()
-        self.inbox.wait(self._idle_at - now)
+        self.inbox.wait(max(0.0, min(self._idle_at, self._second_at) - now))
 
     def _poll(self) -> bool:
         """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""
@@ -246,7 +264,10 @@ class Loop:
             divergence = simulation.advance(min(steps, self._batch))
         taken = simulation.step - first
         if taken:
-            per_step = (perf_counter() - began) / taken
+            elapsed = perf_counter() - began
+            per_step = elapsed / taken
+            self.timing.busy += elapsed
+            self.timing.step_times.append(per_step)
             self._batch = max(1, min(_LARGEST_BATCH, int(BATCH_SECONDS / per_step), 2 * self._batch))
         if divergence is not None and not self._recover(divergence):
             return False
@@ -263,7 +284,7 @@ class Loop:
             if self._stopping:
                 return None
             if self._override is not None:
-                np.copyto(simulation.data.qvel, self._override, where=np.isfinite(self._override))
+                self._override.apply()
             divergence = simulation.advance(1)
             step = simulation.step
             if divergence is not None or step >= target or step >= scheduler.next_due:
@@ -273,20 +294,19 @@ class Loop:
 
     def _update(self) -> None:
         """Lets the active steppers write what the coming step needs; when one fails, the others begin anew."""
-        failed = True
-        while failed:
-            failed = False
+        while True:
             self.simulation.clear_forces()
             if self._override is not None:
-                self._override.fill(np.nan)
+                self._override.clear()
             for stepper in self._active:
                 try:
                     stepper.update()
                 except Exception as error:
                     self.deactivate(stepper)
                     stepper.failed(error)
-                    failed = True
                     break
+            else:
+                return
 
     def _set_active(self, active: set[Stepper]) -> None:
         self._active = tuple(s for s in self._steppers if s in active)
@@ -298,21 +318,14 @@ class Loop:
 
     def _recover(self, divergence: Divergence) -> bool:
         """Follows the divergence policy; returns whether stepping may go on."""
-        simulation = self.simulation
-        when = f"step {simulation.step + 1} (t = {simulation.time_ns / 1e9:.6f} s)"
-        report = f"the simulation diverged in {when}: {divergence}"
-        if self._on_divergence == "reset" and simulation.step - self._recovered_at >= STEPS_TO_RECOVER:
-            _log.error("%s; the world is reset (sim.on_divergence: reset)", report)
-            self._recovered_at = simulation.step
+        recovery = self.recovery
+        consequence = recovery.decide(divergence, self.simulation, perf_counter())
+        if consequence == "reset":
             self.reset(Reset())
             return True
-        if self._on_divergence == "stop":
-            self.fail(MjplugError(f"{report}; the server stops (sim.on_divergence: stop)"))
+        if consequence == "stop":
+            self.fail(MjplugError(f"{recovery.last}; the server stops (sim.on_divergence: stop)"))
         else:
-            why = "again so soon after a reset" if self._on_divergence == "reset" else "sim.on_divergence: pause"
-            _log.error("%s; paused before that step (%s)", report, why)
-            self.goals.give_up(report)
+            self.goals.give_up(recovery.last)
             self.pause()
-            if divergence.in_state:
-                _log.error("the state before that step is bad already: reset the world")
         return False

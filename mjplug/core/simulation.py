@@ -1,5 +1,7 @@
 """The model and its state: stepping, divergence, saving and restoring. Physics thread only."""
 
+from collections.abc import Sequence
+from itertools import repeat
 from typing import Any
 
 import mujoco
@@ -8,8 +10,9 @@ from numpy.typing import NDArray
 
 from mjplug.core import divergence
 from mjplug.core.divergence import Divergence
-from mjplug.core.memory import Cleared, Saved
+from mjplug.core.memory import Cleared, Saved, doubles
 from mjplug.core.step_time import StepTime
+from mjplug.core.velocity import VelocityHold
 from mjplug.errors import MjplugError, ModelError, UnknownName
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -58,12 +61,25 @@ class Simulation:
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
+        self._forwarded = 0
         self._warnings = self.data.warning.number.data
+        self._qvel = doubles(self.data.qvel)
+        self._holds: list[VelocityHold] = []
+        self._holders: dict[int, str] = {}
 
     @property
     def time_ns(self) -> int:
         """Simulated time [ns]."""
         return self.time.ns(self.step)
+
+    @property
+    def sensor_step(self) -> int:
+        """The step boundary that `sensordata` belongs to.
+
+        A step computes the sensors first and integrates last, so that is the boundary before the last step, unless
+        `forward` was called since.
+        """
+        return self.step if self._forwarded == self.step else self.step - 1
 
     def checkpoint(self) -> None:
         """Notes the state to go back to if the coming steps diverge."""
@@ -84,7 +100,10 @@ class Simulation:
         """
         warnings = self._warnings
         try:
-            mujoco.mj_step(self.model, self.data, steps)
+            if self._holds:
+                self._step_holding(steps)
+            else:
+                mujoco.mj_step(self.model, self.data, steps)
         except mujoco.FatalError as error:
             raise MjplugError(
                 f"MuJoCo gave up after step {self.step}: {error}; a larger <size memory> in the model may help"
@@ -94,6 +113,16 @@ class Simulation:
             return self._rewind(steps)
         self.step += steps
         return None
+
+    def velocity_hold(self, dofs: Sequence[int], owner: str) -> tuple[VelocityHold, set[str]]:
+        """Returns what holds the velocities of some degrees of freedom, whatever physics does, and who else may.
+
+        Raises:
+            MjplugError: The model has no such degree of freedom.
+        """
+        hold = VelocityHold(dofs, self.model.nv, self._holds)
+        others = {self._holders.setdefault(dof, owner) for dof in dofs} - {owner}
+        return hold, others
 
     def clear_forces(self) -> None:
         """Sets `xfrc_applied` and `qfrc_applied` to zero."""
@@ -112,10 +141,16 @@ class Simulation:
         """Brings everything derived from the state up to date, after the state was written."""
         mujoco.mj_forward(self.model, self.data)
         self._kinematics_current = True
+        self._forwarded = self.step
 
     def positions_changed(self) -> None:
         """Notes that `qpos` was written, so that the next `kinematics` computes."""
         self._kinematics_current = False
+
+    def keep_as_initial(self) -> None:
+        """Makes the current state the initial one, which `restore` puts back, and brings what it implies up to date."""
+        self.forward()
+        mujoco.mj_getState(self.model, self.data, self._initial, _STATE)
 
     def restore(self, keyframe: int | None = None) -> None:
         """Puts the initial state, or a keyframe, back, with warnings and plugin state; simulated time goes on.
@@ -168,6 +203,21 @@ class Simulation:
     def _names(self, kind: mujoco.mjtObj, count: int) -> list[str]:
         names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
         return [name for name in names if name]
+
+    def _step_holding(self, steps: int) -> None:
+        # What a step costs beyond MuJoCo's own time is decided here.
+        step, model, data, qvel = mujoco.mj_step, self.model, self.data, self._qvel
+        if steps == 1:
+            for hold in self._holds:
+                for dof, velocity in zip(hold.dofs, hold.velocities):  # noqa: B905 - they were checked
+                    qvel[dof] = velocity
+            step(model, data, 1)
+            return
+        held = [pair for hold in self._holds for pair in zip(hold.dofs, hold.velocities, strict=True)]
+        for _ in repeat(None, steps):
+            for dof, velocity in held:
+                qvel[dof] = velocity
+            step(model, data, 1)
 
     def _rewind(self, steps: int) -> Divergence:
         """Goes back to before the step that went wrong, and says what it was.

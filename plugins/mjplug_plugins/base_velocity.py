@@ -2,6 +2,7 @@
 
 import math
 
+import mujoco
 from pydantic import Field
 
 from mjplug.plugin import Host, Parameters, Plugin, doubles
@@ -10,6 +11,7 @@ from mjplug_schemas.geometry_msgs import Twist, TwistStamped
 
 _NEVER = -1
 _ALWAYS = 1 << 62
+_LARGEST = float(mujoco.mjMAXVAL)
 
 
 class BaseVelocityParameters(Parameters):
@@ -39,7 +41,7 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
     """Sets the planar velocity of a floating base as `geometry_msgs/Twist` commands say, at every step.
 
     Driven are the body's linear x and y and its yaw rate; height, roll and pitch are left to physics. A command that is
-    older than `cmd_timeout`, or none at all, means zero. Commands with NaN or infinity are ignored.
+    older than `cmd_timeout`, or none at all, means zero. Commands that no physics could follow are ignored.
 
     The command is turned by the body's whole orientation and its horizontal part is written. On a slope this is what
     keeps the speed along the ground: the body's x and y axes lie in the slope, contact adds the vertical part of the
@@ -57,32 +59,33 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
         self._max_speed, self._max_yaw_rate = parameters.max_linear_velocity, parameters.max_yaw_rate
         self._timeout_steps = _last_step_within(host, parameters.cmd_timeout)
         self._quat_wxyz = doubles(host.data.qpos)[base.qpos + 3 : base.qpos + 7]
-        self._override = doubles(host.velocity_override)[base.dof : base.dof + 6]
-        self._command = (0.0, 0.0, 0.0)
-        self._last_step = _NEVER
+        self._hold = host.create_velocity_hold((base.dof, base.dof + 1, base.dof + 5))
+        self._stop()
         if parameters.use_stamped_twist:
             host.create_subscription(TwistStamped, parameters.cmd_vel_topic, lambda m: self._take(m.twist))
         else:
             host.create_subscription(Twist, parameters.cmd_vel_topic, self._take)
-        host.activate()
 
     def update(self) -> None:
-        """Asks for the commanded velocity, turned by the orientation at the beginning of this very step."""
-        override = self._override
+        """Sets the commanded velocity, turned by the orientation at the beginning of this very step."""
         if self._host.step > self._last_step:
-            override[0] = override[1] = override[5] = 0.0
+            self._stop()
             return
         vx, vy, yaw_rate = self._command
         w, x, y, z = self._quat_wxyz.tolist()
         norm = w * w + x * x + y * y + z * z
         s = 2.0 / norm if norm else 0.0  # a zero quaternion is no rotation, as in MuJoCo
-        override[0] = (1.0 - s * (y * y + z * z)) * vx + s * (x * y - w * z) * vy
-        override[1] = s * (x * y + w * z) * vx + (1.0 - s * (x * x + z * z)) * vy
-        override[5] = yaw_rate
+        sy, sz = s * y, s * z
+        xy, zw, zz = x * sy, w * sz, z * sz
+        self._hold.set(
+            (1.0 - y * sy - zz) * vx + (xy - zw) * vy,
+            (xy + zw) * vx + (1.0 - s * x * x - zz) * vy,
+            yaw_rate,
+        )
 
     def on_reset(self) -> None:
         """Forgets the command: the base stands until the next one."""
-        self._last_step = _NEVER
+        self._stop()
 
     def cleanup(self) -> None:
         """Says how many commands were ignored, if more than the one that was reported."""
@@ -92,26 +95,40 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
     def _take(self, twist: Twist) -> None:
         vx, vy, yaw_rate = twist.linear.x, twist.linear.y, twist.angular.z
         speed = math.hypot(vx, vy)
-        if not (math.isfinite(speed) and math.isfinite(yaw_rate)):
+        finite = math.isfinite(speed) and math.isfinite(yaw_rate)
+        # MuJoCo takes a velocity beyond for a divergence, and the whole world would stop.
+        if not finite or min(speed, self._max_speed) >= _LARGEST or min(abs(yaw_rate), self._max_yaw_rate) >= _LARGEST:
             self._ignore(vx, vy, yaw_rate)
             return
         if speed > self._max_speed:
             scale = self._max_speed / speed
             vx, vy = scale * vx, scale * vy
         yaw_rate = max(-self._max_yaw_rate, min(self._max_yaw_rate, yaw_rate))
+        if not (vx or vy or yaw_rate):
+            self._stop()
+            return
         self._command = (vx, vy, yaw_rate)
         self._last_step = self._host.step + self._timeout_steps
+        self._host.activate()
+
+    def _stop(self) -> None:
+        """Holds the base where it is; zero is zero in every frame, so that no update is needed."""
+        self._last_step = _NEVER
+        self._hold.set(0.0, 0.0, 0.0)
+        self._host.deactivate()
 
     def _ignore(self, vx: float, vy: float, yaw_rate: float) -> None:
         self.ignored += 1
         if self.ignored == 1:
             self._host.logger.warning(
                 "a command on %s was ignored: linear.x is %g, linear.y is %g, angular.z is %g; all must be finite "
+                "and below %g "
                 "(further ones are only counted)",
                 self._topic,
                 vx,
                 vy,
                 yaw_rate,
+                _LARGEST,
             )
 
 

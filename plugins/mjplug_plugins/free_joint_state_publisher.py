@@ -14,12 +14,13 @@ from mjplug_schemas.std_msgs import Header
 
 Array = NDArray[np.float64]
 
-_NUMBERS = (
+_POSE = (
     *(f"pose.pose.position.{axis}" for axis in "xyz"),
     *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
-    *(f"twist.twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz"),
 )
-"""The numbers of one body, in the order of `qpos` and `qvel`."""
+"""The seven numbers of a body's pose, in the order of `qpos`."""
+
+_VELOCITIES = tuple(f"twist.twist.{part}.{axis}" for part in ("angular", "linear") for axis in "xyz")
 
 
 class FreeJointStatePublisherParameters(Parameters):
@@ -55,8 +56,11 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
         bodies = _bodies(host, parameters.body_names)
         self._states = _States(host, bodies, reference)
         self._message = CdrFrame(_message(bodies, frame_id))
-        self._numbers = self._message.slots(
-            f"free_joints[{i}].{number}" for number, i in product(_NUMBERS, range(len(bodies)))
+        every = range(len(bodies))
+        poses = product(every, _POSE) if self._states.in_place else ((i, number) for number, i in product(_POSE, every))
+        self._poses = self._message.slots(f"free_joints[{i}].{number}" for i, number in poses)
+        self._velocities = self._message.slots(
+            f"free_joints[{i}].{number}" for number, i in product(_VELOCITIES, every)
         )
         self._sec, self._nanosec = (self._message.slots(_stamps(len(bodies), part)) for part in ("sec", "nanosec"))
         self._seconds = 0
@@ -65,7 +69,8 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
 
     def _publish(self) -> None:
         self._states.read()
-        self._numbers.write(self._states.flat)
+        self._poses.write(self._states.poses)
+        self._velocities.write(self._states.velocities)
         seconds, nanoseconds = divmod(self._host.time_ns, 1_000_000_000)
         if seconds != self._seconds:
             self._seconds = seconds
@@ -77,11 +82,14 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
 class _States:
     """The numbers of all bodies at one instant.
 
-    They are kept one row a number, one column a body, because numpy is quickest along rows. `take` with `clip` needs no
-    copy in between; the indices are all valid.
+    They are kept one row a number, one column a body, and everything is done on whole blocks of rows in one piece:
+    numpy is quickest without shapes to broadcast. `take` with `clip` needs no copy in between; the indices are all
+    valid.
 
     Attributes:
-        flat: The thirteen numbers of `_NUMBERS` for n bodies, row after row, shape (13 n,).
+        in_place: Whether the poses need not be computed, as they lie in `qpos` one after the other.
+        poses: The numbers of `_POSE` for n bodies, shape (7 n,): body after body if `in_place`, else row after row.
+        velocities: Those of `_VELOCITIES`, row after row, shape (6 n,).
 
     Args:
         host: Where the state is.
@@ -93,26 +101,33 @@ class _States:
         self._host = host
         self._reference = reference
         self._qpos, self._qvel, self._xmat = host.data.qpos, host.data.qvel, host.data.xmat.reshape(-1)
-        self._pose_index = _index([body.qpos for body in bodies], 7)
-        self._twist_index = _index([body.dof for body in bodies], 6)
-        # Column by column of each rotation matrix: entry j, i is that of row i and column j.
-        self._xmat_index = _index([9 * body.body for body in bodies], 9).reshape(3, 3, -1).transpose(1, 0, 2).copy()
-        self.flat = np.empty(13 * len(bodies))
-        rows = self.flat.reshape(13, -1)
-        self._pose, self._twist = rows[:7], rows[7:]
-        self._position, self._quat, self._linear, self._angular = rows[:3], rows[3:7], rows[7:10], rows[10:]
-        self._local = self._angular[:, None]
-        self._products = np.empty((3, 3, len(bodies)))
-        self._first, self._second, self._third = self._products
+        qpos, dof, xmat = (np.array(column, np.intp) for column in _addresses(bodies))
+        linear, local = (dof + i for i in range(3)), [dof + 3 + i for i in range(3)]
+        self._pose_index = np.concatenate([qpos + i for i in range(7)])
+        # Each rotation matrix column by column, and beside each of its numbers the velocity to multiply it by.
+        self._xmat_index = np.concatenate([xmat + 3 * row + column for column in range(3) for row in range(3)])
+        self._qvel_index = np.concatenate([*linear, *(velocity for velocity in local for _ in range(3))])
+        n = len(bodies)
+        store = np.empty(22 * n)
+        self.poses, self.velocities = store[: 7 * n], store[7 * n : 13 * n]
+        self._rows = store[: 13 * n].reshape(13, n)
+        self._unturned, self._rotating = store[10 * n :], store[13 * n :]
+        self._products = np.empty(9 * n)
+        self._first, self._second, self._third = self._products.reshape(3, -1)
+        self._angular = store[7 * n : 10 * n]
+        self.in_place = not reference and bool(n) and np.array_equal(qpos, qpos[0] + 7 * np.arange(n))
+        if self.in_place:
+            self.poses = self._qpos[qpos[0] : qpos[0] + 7 * n]
 
     def read(self) -> None:
         """Brings the numbers up to the current state."""
         self._host.kinematics()
-        self._qpos.take(self._pose_index, out=self._pose, mode="clip")
-        self._qvel.take(self._twist_index, out=self._twist, mode="clip")
+        if not self.in_place:
+            self._qpos.take(self._pose_index, out=self.poses, mode="clip")
+        self._qvel.take(self._qvel_index, out=self._unturned, mode="clip")
         # MuJoCo keeps angular velocities in the axes of their own bodies; this turns them into those of the world.
         self._xmat.take(self._xmat_index, out=self._products, mode="clip")
-        np.multiply(self._products, self._local, self._products)
+        np.multiply(self._products, self._rotating, self._products)
         np.add(self._first, self._second, self._angular)
         np.add(self._angular, self._third, self._angular)
         if self._reference:
@@ -122,10 +137,11 @@ class _States:
         """Turns what is seen from the world into what is seen from the reference body's current pose."""
         data, reference = self._host.data, self._reference
         to_frame = data.xmat[reference].reshape(3, 3).T
-        self._position[:] = to_frame @ (self._position - data.xpos[reference][:, None])
-        self._quat[:] = _left_product(data.xquat[reference] * (1.0, -1.0, -1.0, -1.0)) @ self._quat
-        self._linear[:] = to_frame @ self._linear
-        self._angular[:] = to_frame @ self._angular
+        position, quat, angular, linear = np.split(self._rows, (3, 7, 10))
+        position[:] = to_frame @ (position - data.xpos[reference][:, None])
+        quat[:] = _left_product(data.xquat[reference] * (1.0, -1.0, -1.0, -1.0)) @ quat
+        angular[:] = to_frame @ angular
+        linear[:] = to_frame @ linear
 
 
 def _bodies(host: Host, names: tuple[str, ...]) -> list[FreeBody]:
@@ -164,9 +180,9 @@ def _stamps(bodies: int, part: str) -> list[str]:
     return [f"{header}.stamp.{part}" for header in headers]
 
 
-def _index(starts: list[int], count: int) -> NDArray[np.intp]:
-    """Returns, in column b of shape (count, n), the `count` places from `starts[b]` on."""
-    return np.arange(count, dtype=np.intp)[:, None] + np.array(starts, np.intp)
+def _addresses(bodies: list[FreeBody]) -> tuple[list[int], list[int], list[int]]:
+    """Returns where each body's numbers begin in `qpos`, in `qvel` and in the flat `xmat`."""
+    return [body.qpos for body in bodies], [body.dof for body in bodies], [9 * body.body for body in bodies]
 
 
 def _left_product(quat_wxyz: Array) -> Array:

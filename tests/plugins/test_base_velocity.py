@@ -273,6 +273,26 @@ def test_the_largest_finite_speed_is_clamped_like_any_other():
 NOT_FINITE = [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, -math.inf), (math.nan, math.inf, math.nan)]
 
 
+@pytest.mark.parametrize("bad", [(1e10, 0, 0), (8e9, 8e9, 0), (0, 0, -1e10), (1e300, 0, 0)])
+def test_a_command_that_mujoco_would_take_for_a_divergence_is_ignored(bad):
+    world = world_of()
+    command(world, 1.0)
+    world.loop.step(1)
+    command(world, *bad)
+    world.loop.step(5)
+    assert not world.loop.paused
+    assert tuple(world.data.qvel[[6, 7, 11]]) == (1.0, 0.0, 0.0)
+    assert world.plugin.ignored == 1
+
+
+def test_the_largest_command_below_that_is_driven():
+    world = world_of("<mujoco><worldbody><body name='base'><freejoint/><geom size='1'/></body></worldbody></mujoco>")
+    command(world, 0, 0, 9.9e9)
+    world.loop.step(1)
+    assert not world.loop.paused
+    assert world.data.qvel[5] == 9.9e9
+
+
 @pytest.mark.parametrize("bad", NOT_FINITE)
 def test_a_command_that_is_not_finite_is_ignored_and_the_one_before_it_holds(bad):
     world = world_of(cmd_timeout=0.1, max_linear_velocity=5, max_yaw_rate=5)
@@ -292,7 +312,7 @@ def test_ignored_commands_are_counted_and_said_once_and_at_the_end(caplog):
         world.loop.step(1)
     assert [r.getMessage() for r in caplog.records] == [
         "a command on /drive/cmd_vel was ignored: linear.x is nan, linear.y is 0, angular.z is 0; all must be finite "
-        "(further ones are only counted)"
+        "and below 1e+10 (further ones are only counted)"
     ]
     assert world.plugin.ignored == 4
     world.plugin.cleanup()
@@ -336,6 +356,30 @@ def test_only_the_named_body_is_driven_and_two_bases_do_not_disturb_each_other()
     world.transport.send("/second/cmd_vel", twist(0.0, 2.0))
     world.loop.step(1)
     assert tuple(world.data.qvel[[0, 1, 6, 7]]) == (0, 2, 1, 0)
+
+
+def test_a_standing_base_needs_no_update_and_a_driven_one_does():
+    world = world_of(cmd_timeout=0.1)
+    assert world.loop._active == ()
+    command(world, 1.0)
+    world.loop.step(51)
+    assert len(world.loop._active) == 1
+    world.loop.step(1)
+    assert world.loop._active == ()
+    command(world, 1.0)
+    world.loop.step(1)
+    command(world, 0.0, 0.0, 0.0)
+    world.loop.step(1)
+    assert world.loop._active == ()
+    assert tuple(world.data.qvel[[6, 7, 11]]) == (0.0, 0.0, 0.0)
+
+
+def test_two_instances_that_drive_one_body_are_noticed(caplog):
+    world = world_of()
+    world.add(BaseVelocity, "second", body="base")
+    assert [r.getMessage() for r in caplog.records] == [
+        "plugin second holds the same velocities as drive: only one of them has its way"
+    ]
 
 
 def test_a_base_that_was_turned_by_hand_drives_along_its_new_heading():
