@@ -15,6 +15,7 @@ import mujoco
 
 from mjplug.core.inbox import Inbox
 from mjplug.core.simulation import Simulation
+from mjplug.diagnosis import Diagnosis, Level
 from mjplug.errors import MjplugError
 from mjplug.transport import Publisher
 
@@ -73,6 +74,10 @@ class Work(ABC):
         """Releases what `open` took; called also after an `open` that failed."""
 
 
+NO_RENDERER: Sequence[Mapping[str, str]] = ({"MUJOCO_GL": "disable"},)
+"""The environment of a work that renders nothing: MuJoCo is imported without OpenGL, which also is quicker."""
+
+
 def _ignore(*_: Any) -> None:
     pass
 
@@ -85,7 +90,8 @@ class Order:
         name: The plugin instance's name.
         work: What to do.
         publishers: What it publishes to.
-        environments: Environment variables for the process; they are tried in this order until the work opens.
+        environments: Environment variables for the process, on top of the server's own; an empty value takes one away.
+            They are tried in this order until the work opens, each in a process of its own.
         sync: Whether `submit` waits until the work is done: lockstep.
         on_ready: Gets what `Work.open` said, each time the work has been opened.
         on_done: Gets each job that was performed, and what `perform` returned.
@@ -96,7 +102,7 @@ class Order:
     name: str
     work: Work
     publishers: Sequence[Publisher[Any]]
-    environments: Sequence[Mapping[str, str]] = ({},)
+    environments: Sequence[Mapping[str, str]] = NO_RENDERER
     sync: bool = False
     on_ready: Callable[[str], None] = _ignore
     on_done: Callable[[Job, Any], None] = _ignore
@@ -120,6 +126,22 @@ class Health:
     performed: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     restarts: int = 0
+
+
+def worker_diagnosis(health: Health) -> Diagnosis:
+    """Returns how a worker fares, as a status for `Host.create_diagnostic`.
+
+    Without a process at work there is an error if it stays so, a warning if it is being started again.
+    """
+    level = {"unavailable": Level.ERROR, "restarting": Level.WARN}.get(health.state, Level.OK)
+    values: dict[str, object] = {
+        "state": health.state,
+        "jobs performed": health.performed,
+        "states dropped": sum(health.dropped.values()),
+        "restarts": health.restarts,
+    }
+    values |= {f"states dropped for {task}": count for task, count in sorted(health.dropped.items())}
+    return Diagnosis(level, f"{health.state}: {health.reason}" if health.reason else health.state, values)
 
 
 class Worker(Protocol):

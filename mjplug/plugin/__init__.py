@@ -1,27 +1,33 @@
 """The public plugin API: everything that a plugin may use of the server."""
 
+from mjplug.core.actuator_law import ActuatorLaw, Drives, actuator_law
+from mjplug.core.lidar_extension import LidarSensor, lidar_sensors
 from mjplug.core.memory import doubles
 from mjplug.core.scheduler import Event, Slow, Timer
+from mjplug.core.velocity import VelocityHold
 from mjplug.diagnosis import Diagnosis, Level
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName, quoted
 from mjplug.frame import CdrFrame
 from mjplug.plugin.host import Host
 from mjplug.plugin.plugin import Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
-from mjplug.work import Job, UnavailableError, Work, Worker
+from mjplug.work import Job, UnavailableError, Work, Worker, worker_diagnosis
 
 __all__ = [
     "CLOCK",
     "DEFAULT",
     "LATCHED",
     "LATEST",
+    "ActuatorLaw",
     "Call",
     "CdrFrame",
     "Diagnosis",
+    "Drives",
     "Event",
     "Host",
     "Job",
     "Level",
+    "LidarSensor",
     "MjplugError",
     "Parameters",
     "Plugin",
@@ -33,8 +39,12 @@ __all__ = [
     "Timer",
     "UnavailableError",
     "UnknownName",
+    "VelocityHold",
     "Work",
     "Worker",
+    "actuator_law",
     "doubles",
+    "lidar_sensors",
     "quoted",
+    "worker_diagnosis",
 ]

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from mjplug.core.loop import Loop, Stepper
 from mjplug.core.scheduler import Slow, Timer
+from mjplug.core.velocity import VelocityHold
 from mjplug.diagnosis import Diagnosis, Diagnostics, Level
 from mjplug.errors import PluginError
 from mjplug.log import INSTANCES
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
-from mjplug.work import Job, Order, Work, Worker, Workers
+from mjplug.work import NO_RENDERER, Job, Order, Work, Worker, Workers
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
@@ -85,6 +86,7 @@ class Host:
         self._disabled = ""
         self._stepper: Stepper | None = None
         self._sleepers: dict[Publisher[Any], list[Timer]] = {}
+        self._holds: list[VelocityHold] = []
 
     @property
     def step(self) -> int:
@@ -100,6 +102,14 @@ class Host:
     def time_ns(self) -> int:
         """Simulated time [ns]."""
         return self._simulation.time_ns
+
+    @property
+    def sensor_time_ns(self) -> int:
+        """Simulated time of the state that `data.sensordata` belongs to [ns].
+
+        A step computes the sensors first and integrates last, so after it they are one step older than `qpos`.
+        """
+        return self._simulation.time.ns(self._simulation.sensor_step)
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -234,14 +244,18 @@ class Host:
         )
 
     def create_timer(
-        self, period: float, callback: Callable[[], None], while_matched: Publisher[Any] | None = None
+        self,
+        period: float,
+        callback: Callable[[], None],
+        while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
     ) -> Timer:
         """Calls back every `period` [s] of simulated time, first after one period; a reset restarts the phase.
 
         Args:
             period: Positive; it need not be a multiple of the time step.
             callback: Called on the physics thread.
-            while_matched: A publisher of this host: while nobody listens to it, the timer sleeps and costs nothing.
+            while_matched: Publishers of this host, one or several: while nobody listens to any of them, the timer
+                sleeps and costs nothing.
 
         Raises:
             PluginError: The period is not a positive finite number.
@@ -250,22 +264,46 @@ class Host:
             raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
         loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
-        if while_matched is not None and while_matched not in self._sleepers:
-            raise PluginError("while_matched is no publisher of this plugin")
         if while_matched is None:
             return loop.scheduler.every(steps, self._guarded(callback), simulation.step)
+        publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
+        if any(publisher not in self._sleepers for publisher in publishers):
+            raise PluginError("while_matched is no publisher of this plugin")
         timer = loop.scheduler.every(
-            steps, self._guarded(callback), simulation.step, wanted=lambda: while_matched.matched
+            steps,
+            self._guarded(callback),
+            simulation.step,
+            wanted=lambda: any(publisher.matched for publisher in publishers),
         )
-        self._sleepers[while_matched].append(timer)
+        for publisher in publishers:
+            self._sleepers[publisher].append(timer)
         return timer
+
+    def create_velocity_hold(self, dofs: Sequence[int]) -> VelocityHold:
+        """Returns what holds the velocities of some degrees of freedom at every step, with no need of `update`.
+
+        What it holds outranks `velocity_override`. At first it holds nothing.
+
+        Args:
+            dofs: The degrees of freedom, places in `qvel`.
+
+        Raises:
+            MjplugError: The model has no such degree of freedom.
+        """
+        hold, others = self._simulation.velocity_hold(dofs, self.name)
+        if others:
+            self.logger.warning(
+                "plugin %s holds the same velocities as %s: only one of them has its way", self.name, ", ".join(others)
+            )
+        self._holds.append(hold)
+        return hold
 
     def create_worker(
         self,
         work: Work,
         publishers: Sequence[Publisher[Any]],
         *,
-        environments: Sequence[Mapping[str, str]] = ({},),
+        environments: Sequence[Mapping[str, str]] = NO_RENDERER,
         sync: bool = False,
         on_ready: Callable[[str], None] | None = None,
         on_done: Callable[[Job, Any], None] | None = None,
@@ -276,7 +314,8 @@ class Host:
         Args:
             work: What to do; see `Work`.
             publishers: Publishers of this host that the work publishes to; the plugin leaves the publishing to it.
-            environments: Environment variables for the process, tried in this order until the work opens.
+            environments: Environment variables for the process, on top of the server's own, tried in this order until
+                the work opens; an empty value takes one away. Without them, MuJoCo is imported without OpenGL.
             sync: Whether `submit` waits until the work is done, so that physics runs in lockstep with it.
             on_ready: Gets what `Work.open` said, each time the work has been opened.
             on_done: Gets each job that was performed, and what `perform` returned.
@@ -329,6 +368,8 @@ class Host:
         self.logger.error("plugin %s failed", self.name, exc_info=error)
         self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
         self.deactivate()
+        for hold in self._holds:
+            hold.release()
         self._loop.scheduler.close_jobs(self._disabled, owner=self)
         if not self._disable_on_error:
             self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))

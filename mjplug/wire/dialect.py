@@ -27,6 +27,16 @@ class Outlet(Protocol):
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message. Physics thread."""
 
+    def lease(self) -> "OutletLease":
+        """Returns what another process needs to write to this key as if it were the server."""
+
+
+class OutletLease(Protocol):
+    """The right to write to a key in place of the server, which keeps the tokens and the listing. It pickles."""
+
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> Outlet:
+        """Declares the outlet on another session; `on_matched` is to be called when it gets its first listener."""
+
 
 class Inquiry(Protocol):
     """One request as it came, with a way back. Answered or dropped once, from any thread."""

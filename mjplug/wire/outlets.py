@@ -1,22 +1,23 @@
-"""What a publisher writes to: a key for those who listen now, or one that late joiners can still read."""
+"""What a publisher writes to: a key for those who listen now, or one that late joiners can still read.
+
+All of them are reliable to Zenoh, the best-effort topics of ROS too, since Zenoh before 1.6 throws away what is best
+effort and comes in one batch with something reliable. A slow listener costs messages in either case: congestion drops.
+"""
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import zenoh
 from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
 from zenoh.handlers import Callback
 
 from mjplug.transport import QoS
+from mjplug.wire.dialect import OutletLease
 from mjplug.wire.encoding import Form
 
 _HEARTBEAT = 0.5
 """How soon a subscriber learns that it missed the last message of a reliable latched topic [s]; rmw_zenoh's value."""
-
-
-def reliability(qos: QoS) -> zenoh.Reliability:
-    """Returns Zenoh's word for it."""
-    return zenoh.Reliability.RELIABLE if qos.reliability == "reliable" else zenoh.Reliability.BEST_EFFORT
 
 
 class LiveOutlet:
@@ -37,10 +38,14 @@ class LiveOutlet:
     ) -> None:
         self.form = form
         self.matched = False
+        self._lease = LiveLease(key, form, str(encoding), qos)
         self._on_matched = on_matched
         self._closed = False
         self._publisher = session.declare_publisher(
-            key, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP, reliability=reliability(qos)
+            key,
+            encoding=encoding,
+            congestion_control=zenoh.CongestionControl.DROP,
+            reliability=zenoh.Reliability.RELIABLE,
         )
         self._put = self._publisher.put
         # Tells the present status at once if somebody matches already.
@@ -49,6 +54,10 @@ class LiveOutlet:
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
         self._put(payload)
+
+    def lease(self) -> OutletLease:
+        """Returns what another process needs to write to the key."""
+        return self._lease
 
     def close(self) -> None:
         """Makes it unmatched for good."""
@@ -62,6 +71,20 @@ class LiveOutlet:
             self._on_matched()
 
 
+@dataclass(frozen=True, slots=True)
+class LiveLease:
+    """A `LiveOutlet` to be; see there."""
+
+    key: str
+    form: Form
+    encoding: str
+    qos: QoS
+
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveOutlet:
+        """Declares the outlet."""
+        return LiveOutlet(session, self.key, self.form, zenoh.Encoding(self.encoding), self.qos, on_matched)
+
+
 class LatchedOutlet:
     """A key whose last messages late joiners still get, so that it is written to even if nobody listens.
 
@@ -72,6 +95,7 @@ class LatchedOutlet:
     def __init__(self, session: zenoh.Session, key: str, form: Form, encoding: zenoh.Encoding, qos: QoS) -> None:
         self.form = form
         self.matched = True
+        self._lease = LatchedLease(key, form, str(encoding), qos)
         self._key = key
         self._encoding = encoding
         self._last: deque[zenoh.ZBytes] = deque(maxlen=qos.depth)
@@ -81,7 +105,7 @@ class LatchedOutlet:
             key,
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
-            reliability=reliability(qos),
+            reliability=zenoh.Reliability.RELIABLE,
             cache=CacheConfig(qos.depth),
             publisher_detection=True,
             sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
@@ -95,6 +119,10 @@ class LatchedOutlet:
         self._last.append(payload)
         self._publisher.put(payload)
 
+    def lease(self) -> OutletLease:
+        """Returns what another process needs to write to the key."""
+        return self._lease
+
     def close(self) -> None:
         """Makes it unmatched for good."""
         self.matched = False
@@ -103,3 +131,17 @@ class LatchedOutlet:
         with query:
             for payload in tuple(self._last):
                 query.reply(self._key, payload, encoding=self._encoding)
+
+
+@dataclass(frozen=True, slots=True)
+class LatchedLease:
+    """A `LatchedOutlet` to be; see there."""
+
+    key: str
+    form: Form
+    encoding: str
+    qos: QoS
+
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedOutlet:
+        """Declares the outlet; it is matched from the beginning."""
+        return LatchedOutlet(session, self.key, self.form, zenoh.Encoding(self.encoding), self.qos)

@@ -1,13 +1,14 @@
 """One topic that the server publishes: a message is encoded once per form that somebody listens to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from zenoh import ZBytes
+from zenoh import Session, ZBytes
 
 from mjplug.frame import CdrFrame
 from mjplug.transport import Topic
-from mjplug.wire.dialect import Outlet
+from mjplug.wire.dialect import Outlet, OutletLease
 from mjplug_schemas.message import Message
 
 M = TypeVar("M", bound=Message)
@@ -16,6 +17,9 @@ M = TypeVar("M", bound=Message)
 class WirePublisher(Generic[M]):
     """Implements `mjplug.transport.Publisher`. Physics thread only.
 
+    Attributes:
+        outlets: Where to.
+
     Args:
         topic: What is published.
         outlets: Where to.
@@ -23,14 +27,14 @@ class WirePublisher(Generic[M]):
 
     def __init__(self, topic: Topic[M], outlets: Sequence[Outlet]) -> None:
         self._topic = topic
-        self._outlets = tuple(outlets)
+        self.outlets = tuple(outlets)
         self._cdr = tuple(outlet for outlet in outlets if outlet.form == "cdr")
         self._json = tuple(outlet for outlet in outlets if outlet.form == "json")
 
     @property
     def matched(self) -> bool:
         """Whether anybody listens. Always true of a latched topic: those who listen later count too."""
-        for outlet in self._outlets:  # noqa: SIM110 - called at every step, and a generator costs four times as much
+        for outlet in self.outlets:  # noqa: SIM110 - called at every step, and a generator costs four times as much
             if outlet.matched:
                 return True
         return False
@@ -58,15 +62,39 @@ class WirePublisher(Generic[M]):
         for outlet in self._cdr:
             if outlet.matched:
                 if payload is None:
-                    payload = ZBytes(frame.payload())
+                    # Copies, so that the next values may be written at once.
+                    payload = ZBytes(frame.buffer)
                 outlet.put(payload)
         payload = None
         for outlet in self._json:
             if outlet.matched:
                 if payload is None:
-                    payload = ZBytes(frame.type.from_cdr(frame.payload()).to_json())
+                    payload = ZBytes(frame.type.from_cdr(frame.buffer).to_json())
                 outlet.put(payload)
+
+    def lease(self) -> "PublisherLease":
+        """Returns what another process needs to publish this topic in place of the server."""
+        return PublisherLease(self._topic, tuple(outlet.lease() for outlet in self.outlets))
 
     def _check(self, given: type[Any]) -> None:
         if given is not self._topic.type:
             raise TypeError(f"topic {self._topic.name} carries {self._topic.type.TYPE}, not {given.__name__}")
+
+
+@dataclass(frozen=True, slots=True)
+class PublisherLease:
+    """A topic to publish in place of the server; it pickles.
+
+    Attributes:
+        topic: What is published.
+        outlets: Where to.
+    """
+
+    topic: Topic[Any]
+    outlets: tuple[OutletLease, ...]
+
+    def open(self, session: Session, on_matched: Callable[[], None]) -> WirePublisher[Any]:
+        """Declares the publisher on another session; `on_matched` is called when an outlet gets its first listener."""
+        # Compiles the encoder now, as the server does.
+        self.topic.type().to_cdr()
+        return WirePublisher(self.topic, [outlet.open(session, on_matched) for outlet in self.outlets])

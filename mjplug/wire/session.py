@@ -11,7 +11,7 @@ from typing import Any, Literal
 import zenoh
 
 from mjplug.errors import WireError
-from mjplug.wire import identity
+from mjplug.wire import identity, queues
 from mjplug.wire.endpoints import dialable, has_free_port, on_free_port, with_free_port
 
 Mode = Literal["auto", "router", "peer", "client"]
@@ -22,21 +22,6 @@ DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 
 _PROBE_MS = 1000
 """How long to wait for an answer to Zenoh's handshake [ms]; on the same machine it takes 3 ms."""
-
-_DROP_WAIT_US = 200
-"""How long a put may wait for a full transmit queue before it drops the message [µs].
-
-Zenoh's default of 1 ms is half a physics step; with no wait at all, half of a burst of 200 messages is lost.
-"""
-
-_BLOCKED_US = 1_000_000
-"""How long a reply may wait for a client that does not read, before Zenoh closes the link to it [µs].
-
-Zenoh's default is 5 s, in which answers to others would wait too.
-"""
-
-_QUEUE = "transport/link/tx/queue/congestion_control"
-_PATIENCE_US = {f"{_QUEUE}/drop/wait_before_drop": _DROP_WAIT_US, f"{_QUEUE}/block/wait_before_close": _BLOCKED_US}
 
 _RACES = 10
 """How often to pick another free port when somebody else took it first."""
@@ -83,7 +68,12 @@ class WireSession:
     @property
     def endpoint(self) -> str:
         """The endpoint to tell users: where a client that wants to talk to this server connects."""
-        return (self.listening if self.role == "router" else self.joined or self.listening)[0]
+        return self.endpoints[0]
+
+    @property
+    def endpoints(self) -> tuple[str, ...]:
+        """All endpoints at which this network can be joined, the first choice first."""
+        return self.listening if self.role == "router" else self.joined or self.listening
 
     def close(self) -> None:
         """Leaves the network; a second call does nothing."""
@@ -111,6 +101,20 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
                 raise WireError(taken.way_out()) from None
         own = tuple(on_free_port(endpoint) for endpoint in listen)
         return plan.open("peer", own, (dialable(taken.endpoint), *plan.connect))
+
+
+def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session:
+    """Opens a client's session on the network of a server of this machine, with the server's own configuration file.
+
+    Args:
+        settings: The server's settings.
+        endpoints: Where to connect to; the first that answers is taken.
+
+    Raises:
+        WireError: None of them lets us in.
+    """
+    connect = tuple(dialable(endpoint) for endpoint in endpoints)
+    return _Plan(settings, "").join(connect)
 
 
 class _TakenError(WireError):
@@ -179,6 +183,17 @@ class _Plan:
                 return WireSession(session, role, listening, connect)
         raise WireError(f"found no free port for {', '.join(listen)} in {_RACES} attempts")
 
+    def join(self, connect: tuple[str, ...]) -> zenoh.Session:
+        """Opens a client's session.
+
+        Raises:
+            WireError: Nobody lets us in.
+        """
+        try:
+            return zenoh.open(self._config("client", (), connect, queues.WORKER_DROP_WAIT_US))
+        except zenoh.ZError as error:
+            raise WireError(_trouble((), connect, error)) from error
+
     @contextmanager
     def visit(self, endpoint: str) -> Iterator[zenoh.Session | None]:
         """Connects as a short-lived client; gives None where nothing answers as Zenoh."""
@@ -193,7 +208,9 @@ class _Plan:
         with session:
             yield session
 
-    def _config(self, role: Role, listening: tuple[str, ...], connect: tuple[str, ...]) -> zenoh.Config:
+    def _config(
+        self, role: Role, listening: tuple[str, ...], connect: tuple[str, ...], drop_wait: int = queues.DROP_WAIT_US
+    ) -> zenoh.Config:
         config = self._base()
         _set(config, "mode", role)
         try:
@@ -206,9 +223,7 @@ class _Plan:
         if role == "router" and not connect:
             # A router waits this long for others to answer, though there is nobody it could have asked.
             _set_default(config, "scouting/delay", 0)
-        for wait, microseconds in _PATIENCE_US.items():
-            if config.get_json(wait) == zenoh.Config().get_json(wait):
-                _set(config, wait, microseconds)
+        queues.tune(config, drop_wait)
         return config
 
     def _base(self) -> zenoh.Config:

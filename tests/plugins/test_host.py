@@ -56,6 +56,25 @@ def test_a_timer_bound_to_a_publisher_sleeps_while_nobody_listens(arm_world, hos
     assert fired == [5, 10, 115, 120]
 
 
+def test_a_timer_bound_to_several_publishers_sleeps_while_nobody_listens_to_any(arm_world, host):
+    fired = []
+    publishers = [host.create_publisher(String, name) for name in ("/words", "/more")]
+    words, more = (arm_world.transport.publishers[name] for name in ("/words", "/more"))
+    host.create_timer(0.01, lambda: fired.append(host.step), while_matched=publishers)
+    words.matched = False
+    arm_world.loop.step(12)
+    assert fired == [5, 10]
+    more.matched = False
+    arm_world.loop.step(100)
+    assert fired == [5, 10]
+    assert arm_world.loop.scheduler.next_due > arm_world.simulation.step + 1000
+    for fake in (more, words):
+        fake.matched = True
+        fake.on_matched()
+    arm_world.loop.step(10)
+    assert fired == [5, 10, 115, 120]
+
+
 def test_a_subscription_with_a_depth_delivers_the_newest_in_order(arm_world, host):
     got = []
     host.create_subscription(String, "/words", lambda m: got.append(m.data), QoS(depth=2))
@@ -134,3 +153,6 @@ def test_a_timer_cannot_be_bound_to_the_publisher_of_another(arm_world, host):
     foreign = arm_world.host("other").create_publisher(String, "~/x")
     with pytest.raises(PluginError, match="while_matched is no publisher of this plugin"):
         host.create_timer(1.0, lambda: None, while_matched=foreign)
+    own = host.create_publisher(String, "/own")
+    with pytest.raises(PluginError, match="while_matched is no publisher of this plugin"):
+        host.create_timer(1.0, lambda: None, while_matched=[own, foreign])

@@ -1,0 +1,133 @@
+"""What runs in a worker process: it hears what to do, opens the work, and performs one job after the other."""
+
+import gc
+import logging
+import logging.handlers
+import os
+import sys
+import threading
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from mjplug.log import INSTANCES
+from mjplug.worker import background
+from mjplug.worker.messages import Done, Failed, Ready, Setup, pack, read, unpack, write
+
+if TYPE_CHECKING:
+    from mjplug.worker.performer import Performer
+
+
+def main() -> None:
+    """Runs the process to its end."""
+    background.ignore_signals()
+    line = _Line()
+    first = line.receive()
+    if first is None:
+        return
+    setup: Setup = unpack(first)
+    background.die_with(setup.parent)
+    sys.path[:] = setup.sys_path
+    _log_through(line, setup)
+    code = _run(line, setup, logging.getLogger(f"{INSTANCES}.{setup.name}"))
+    # Without Python's own teardown, in which libraries of GL drivers are known to crash.
+    os._exit(code)
+
+
+class _Line:
+    """The pipes to the server. Whatever libraries print must not get into them, so standard output becomes error."""
+
+    def __init__(self) -> None:
+        self._out = os.dup(1)
+        os.dup2(2, 1)
+        self._lock = threading.Lock()
+
+    def receive(self) -> bytes | None:
+        return read(sys.stdin.buffer)
+
+    def send(self, message: Any) -> None:
+        payload = pack(message)
+        with self._lock:
+            try:
+                write(self._out, payload)
+            except OSError:
+                # The server is gone, which the end of the input says next.
+                return
+
+
+class _LogHandler(logging.handlers.QueueHandler):
+    """Sends log records to the server, as those of the plugin's instance."""
+
+    def __init__(self, line: _Line, name: str) -> None:
+        super().__init__(SimpleQueue())
+        self._line = line
+        self._name = name
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        if not record.name.startswith(INSTANCES):
+            record.name = self._name
+        self._line.send(record)
+
+
+def _log_through(line: _Line, setup: Setup) -> None:
+    root = logging.getLogger()
+    root.addHandler(_LogHandler(line, f"{INSTANCES}.{setup.name}"))
+    root.setLevel(setup.log_level)
+
+
+def _run(line: _Line, setup: Setup, logger: logging.Logger) -> int:
+    model, assignment = line.receive(), line.receive()
+    if model is None or assignment is None:
+        return 0
+    try:
+        import mujoco  # noqa: F401, PLC0415 - with some values of MUJOCO_GL and without their libraries, this fails
+    except Exception as error:
+        backend = os.environ.get("MUJOCO_GL")
+        how = f" with MUJOCO_GL={backend}" if backend else ""
+        line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", unavailable=True))
+        return 1
+    if setup.background:
+        # Before anything makes threads, which inherit it; after the imports, which would take long on a busy machine.
+        background.give_way()
+    performer = _open(line, setup, model, assignment, logger)
+    if performer is None:
+        return 1
+    try:
+        return _perform(line, performer, logger)
+    finally:
+        performer.close()
+
+
+def _open(line: _Line, setup: Setup, model: bytes, assignment: bytes, logger: logging.Logger) -> "Performer | None":
+    from mjplug.work import UnavailableError  # noqa: PLC0415 - imports MuJoCo
+    from mjplug.worker.performer import Performer  # noqa: PLC0415
+
+    performer = None
+    try:
+        performer = Performer(unpack(assignment), model, setup.states)
+        said = performer.open(logger)
+    except Exception as error:
+        if performer is not None:
+            performer.close()
+        if isinstance(error, UnavailableError):
+            line.send(Failed(str(error), unavailable=True))
+        else:
+            logger.exception("the work could not be opened")
+            line.send(Failed(f"it could not be opened: {error!r}"))
+        return None
+    gc.collect()
+    gc.freeze()
+    line.send(Ready(said))
+    return performer
+
+
+def _perform(line: _Line, performer: "Performer", logger: logging.Logger) -> int:
+    while (message := line.receive()) is not None:
+        slot, wanted, time_ns, epoch, tasks = unpack(message)
+        try:
+            line.send(Done(performer.perform(slot, time_ns, epoch, tasks, wanted)))
+        except Exception as error:
+            logger.exception("%s could not be made", ", ".join(sorted(tasks)) or "a job")
+            # A new process has a new GL context, among others; going on with a broken one would fail for ever.
+            line.send(Failed(f"it failed: {error!r}"))
+            return 1
+    return 0

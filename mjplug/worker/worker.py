@@ -1,0 +1,231 @@
+"""A work in a process: its plugin's view of it, and the thread that starts, hears and restarts the process."""
+
+import logging
+import os
+import sys
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from time import monotonic
+from typing import Any
+
+from mjplug.core import snapshot
+from mjplug.core.inbox import Inbox
+from mjplug.core.simulation import Simulation
+from mjplug.log import INSTANCES
+from mjplug.wire.dialect import Outlet
+from mjplug.work import Health, Order
+from mjplug.worker.handover import Handover
+from mjplug.worker.messages import Done, Failed, Ready, Setup
+from mjplug.worker.process import WorkerProcess
+from mjplug.worker.states import SharedStates
+
+PAUSES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
+"""How long to wait before a process is started again [s]: longer each time, up to the last."""
+
+PROVEN = 10.0
+"""A process that has run so long [s] was no failure: the next restart is quick again."""
+
+PATIENCE = 40.0
+"""How long `submit` of a `sync` order waits while nothing at all happens [s]; longer than any of `PAUSES`."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Life:
+    """How one process fared: why it ended, and how long it had been open [s]; None if its work was never opened."""
+
+    reason: str
+    open_for: float | None = None
+
+
+class ProcessWorker:
+    """Implements `mjplug.work.Worker`.
+
+    Attributes:
+        health: How it fares.
+
+    Args:
+        order: What to do.
+        simulation: Where states come from.
+        inbox: Through which the order's calls reach the physics thread.
+        model: The compiled model, as `mj_saveModel` writes it.
+        assignment: The pickled `Assignment`.
+        outlets: Those of the order's publishers, here in the server.
+    """
+
+    def __init__(
+        self,
+        order: Order,
+        simulation: Simulation,
+        inbox: Inbox,
+        model: bytes,
+        assignment: bytes,
+        outlets: Sequence[Outlet],
+    ) -> None:
+        self._order = order
+        self._simulation = simulation
+        self._inbox = inbox
+        self._model = model
+        self._assignment = assignment
+        self._outlets = outlets
+        self._logger = logging.getLogger(f"{INSTANCES}.{order.name}")
+        self._states = SharedStates.create(snapshot.size(simulation.model))
+        self._handover = Handover(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
+        self.health = Health(dropped=self._handover.dropped)
+        self._closing = threading.Event()
+        self._guard = threading.Lock()
+        self._process: WorkerProcess | None = None
+        self._ready = False
+        self._thread = threading.Thread(target=self._supervise, name=f"worker {order.name}", daemon=True)
+        self._thread.start()
+
+    def submit(self, tasks: Iterable[str]) -> None:
+        """Hands over the present state; see `mjplug.work.Worker`."""
+        simulation, wanted = self._simulation, frozenset(tasks)
+        if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
+            self._post_lost(wanted, self.health.reason)
+        elif self._order.sync and not self._handover.settle(PATIENCE):
+            reason = f"nothing came from the process for {PATIENCE:g} s"
+            self._logger.error("%s; it is ended, and the simulation goes on", reason)
+            self._lose(self._handover.disconnect(keep_waiting=False), reason)
+            self._kill()
+
+    def hang_up(self) -> None:
+        """Asks the process to end, and lets none follow; a second call does nothing."""
+        self._closing.set()
+        self._handover.close()
+        with self._guard:
+            if self._process is None:
+                return
+            if self._ready:
+                self._process.hang_up()
+            else:
+                self._process.kill()
+
+    def end(self, until: float) -> None:
+        """Ends the process, by force after a moment of `monotonic` [s], and returns when it and its thread are gone."""
+        self._thread.join(max(0.0, until - monotonic()))
+        if self._thread.is_alive():
+            self._kill()
+            self._thread.join()
+        self._states.close()
+
+    def _supervise(self) -> None:
+        try:
+            self._keep_alive()
+        except Exception:
+            self._logger.exception("the worker process cannot be looked after any more")
+            self._give_up("an internal error; see the log")
+            self._kill()
+
+    def _keep_alive(self) -> None:
+        """Keeps one process running until the server stops, or until it is clear that the work cannot be done here."""
+        failures, opened_before = 0, False
+        while not self._closing.is_set():
+            life = self._try_environments()
+            if self._closing.is_set():
+                return
+            if life.open_for is None and not opened_before:
+                self._logger.warning("this cannot be done on this machine: %s", life.reason)
+                self._give_up(life.reason)
+                return
+            opened_before = True
+            # What waits is given one more chance.
+            lost = self._handover.disconnect(keep_waiting=life.open_for is not None)
+            failures = 1 if (life.open_for or 0.0) > PROVEN else failures + 1
+            pause = PAUSES[min(failures, len(PAUSES)) - 1]
+            self._note("restarting", life.reason)
+            self._logger.error("the worker process: %s; it is started again in %g s", life.reason, pause)
+            self._lose(lost, life.reason)
+            self._closing.wait(pause)
+            self.health.restarts += 1
+
+    def _try_environments(self) -> _Life:
+        """Runs processes, in one environment after the other, until one has run whose work was opened."""
+        reasons: list[str] = []
+        environments = self._order.environments
+        for changes in environments:
+            life = self._live(changes)
+            if life.open_for is not None or self._closing.is_set():
+                return life
+            named = ", ".join(f"{name}={value}" for name, value in changes.items() if value)
+            reasons.append(f"{named}: {life.reason}" if named and len(environments) > 1 else life.reason)
+            self._logger.debug("not available: %s", reasons[-1])
+        return _Life("; ".join(reasons))
+
+    def _live(self, changes: Mapping[str, str]) -> _Life:
+        """Runs one process from its start to its end."""
+        with self._guard:
+            if self._closing.is_set():
+                return _Life("the server is stopping")
+            process = self._process = WorkerProcess(changes, self._states.inherited)
+        try:
+            return self._listen(process)
+        finally:
+            with self._guard:
+                self._process, self._ready = None, False
+
+    def _listen(self, process: WorkerProcess) -> _Life:
+        level = self._logger.getEffectiveLevel()
+        handle, background = self._states.handle, not self._order.sync
+        setup = Setup(self._order.name, os.getpid(), tuple(sys.path), level, handle, background)
+        process.begin(setup, self._model, self._assignment)
+        opened_at: float | None = None
+        reason = ""
+        while (message := process.receive()) is not None:
+            match message:
+                case logging.LogRecord():
+                    self._log(message)
+                case Done(report):
+                    self._finish(report)
+                case Ready(said):
+                    opened_at = monotonic()
+                    self._open(process, said)
+                case Failed(said):
+                    reason = said
+        ended = process.end()
+        self._handover.report()
+        return _Life(reason or ended, None if opened_at is None else monotonic() - opened_at)
+
+    def _open(self, process: WorkerProcess, said: str) -> None:
+        with self._guard:
+            self._ready = True
+        self._note("running", "")
+        self._inbox.post(partial(self._order.on_ready, said))
+        outlets = self._outlets
+        self._handover.connect(lambda slot, job: process.perform(slot, job, [outlet.matched for outlet in outlets]))
+        self._handover.report()
+
+    def _finish(self, report: Any) -> None:
+        job = self._handover.finish()
+        if job is not None:
+            self.health.performed += 1
+            self._inbox.post(partial(self._order.on_done, job, report))
+        self._handover.report()
+
+    def _log(self, record: logging.LogRecord) -> None:
+        logger = logging.getLogger(record.name)
+        if logger.isEnabledFor(record.levelno):
+            logger.handle(record)
+
+    def _give_up(self, reason: str) -> None:
+        self._note("unavailable", reason)
+        self._post_lost(self._handover.close(), reason)
+        self._handover.report()
+
+    def _lose(self, tasks: frozenset[str], reason: str) -> None:
+        if tasks:
+            self._post_lost(tasks, reason)
+        self._handover.report()
+
+    def _post_lost(self, tasks: frozenset[str], reason: str) -> None:
+        self._inbox.post(partial(self._order.on_lost, tasks, reason))
+
+    def _note(self, state: str, reason: str) -> None:
+        self.health.state, self.health.reason = state, reason
+
+    def _kill(self) -> None:
+        with self._guard:
+            if self._process is not None:
+                self._process.kill()

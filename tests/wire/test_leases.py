@@ -1,0 +1,92 @@
+"""A publisher handed to another session: here in the same process, which is all the same to Zenoh."""
+
+import pickle
+import queue
+import threading
+
+import pytest
+from wire.conftest import ANY_PORT, PATIENCE
+from zenoh.ext import HistoryConfig, declare_advanced_subscriber
+from zenoh.handlers import Callback
+
+from mjplug.errors import WireError
+from mjplug.transport import DEFAULT, LATCHED, Topic
+from mjplug.wire.network import open_network
+from mjplug.wire.rmw_zenoh.attachment import Attachment
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.tokens import gid
+from mjplug.wire.session import SessionSettings, join
+from mjplug_schemas.std_msgs import String
+
+SETTINGS = SessionSettings(listen=ANY_PORT)
+ROS_KEY = RosSettings().data_key("/told", String)
+
+
+@pytest.fixture
+def network(opened):
+    return opened(open_network(SETTINGS, "/mjplug", ros2=RosSettings()))
+
+
+@pytest.fixture
+def tenant(network, opened):
+    return opened(join(SETTINGS, network.session.endpoints))
+
+
+def handed_over(network, tenant, qos, on_matched=lambda: None):
+    """The server's publisher, and the one of whoever got its lease."""
+    landlord = network.open_publisher(Topic("/told", String, qos))
+    return landlord, pickle.loads(pickle.dumps(landlord.lease())).open(tenant, on_matched)
+
+
+def gid_of_the_token(client):
+    (token,) = client.session.liveliness().get("@ros2_lv/0/*/*/*/MP/*/*/*/%told/**", timeout=PATIENCE)
+    return gid(str(token.ok.key_expr))
+
+
+@pytest.mark.parametrize("key", ["told", "told/@json", ROS_KEY])
+def test_what_a_tenant_publishes_is_the_servers(network, tenant, client, key):
+    matched = threading.Event()
+    landlord, publisher = handed_over(network, tenant, DEFAULT, matched.set)
+    assert not publisher.matched
+    samples = client.listen(key)
+    assert matched.wait(PATIENCE)
+    publisher.publish(String(data="hello"))
+    sample = samples.get(timeout=PATIENCE)
+    # Heard as the server's own would be, but for the session that it came from.
+    client.settle()
+    landlord.publish(String(data="hello"))
+    own = samples.get(timeout=PATIENCE)
+    assert (bytes(sample.payload), str(sample.encoding)) == (bytes(own.payload), str(own.encoding))
+    if key == ROS_KEY:
+        assert Attachment.from_bytes(bytes(sample.attachment)).gid == gid_of_the_token(client)
+
+
+def test_a_tenant_that_leaves_changes_nothing_for_ros(network, tenant, client):
+    handed_over(network, tenant, DEFAULT)
+    before = gid_of_the_token(client)
+    tenant.close()
+    assert gid_of_the_token(client) == before
+
+
+@pytest.mark.parametrize("key", ["told", "told/@json", ROS_KEY])
+def test_a_latched_message_of_a_tenant_waits_for_those_who_come_later(network, tenant, client, key):
+    _, publisher = handed_over(network, tenant, LATCHED)
+    assert publisher.matched
+    publisher.publish(String(data="hello"))
+    samples = queue.SimpleQueue()
+    kept = declare_advanced_subscriber(
+        client.session, key, Callback(samples.put, indirect=False), history=HistoryConfig(detect_late_publishers=True)
+    )
+    sample = samples.get(timeout=PATIENCE)
+    assert b"hello" in bytes(sample.payload)
+    if key == ROS_KEY:
+        assert Attachment.from_bytes(bytes(sample.attachment)).gid == gid_of_the_token(client)
+    kept.undeclare()
+
+
+def test_nobody_can_join_where_nobody_is(opened):
+    network = open_network(SETTINGS, "/gone")
+    endpoints = network.session.endpoints
+    network.close()
+    with pytest.raises(WireError, match="cannot connect to tcp"):
+        opened(join(SETTINGS, endpoints))

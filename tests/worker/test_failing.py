@@ -1,0 +1,171 @@
+"""Works and processes that go wrong: what is said, what is lost, what goes on."""
+
+import logging
+import os
+import signal
+import time
+
+import pytest
+from worker import works
+
+from mjplug.worker import worker as module
+
+
+@pytest.fixture
+def told_errors(caplog):
+    """The texts of what was logged at a level or above, by this worker."""
+    caplog.set_level(logging.DEBUG)
+
+    def texts(level=logging.ERROR):
+        return [
+            record.getMessage()
+            for record in caplog.records
+            if record.levelno >= level and record.name == "mjplug.instance.teller"
+        ]
+
+    return texts
+
+
+def test_a_killed_process_is_started_again_and_what_waited_is_made(server, told_errors):
+    told = server.order(works.Dies()).wait_for_ready()
+    _, first = told.perform("live")
+    told.submit(["die"])
+    server.step()
+    told.submit(["live"])
+    told.wait_for_ready(2)
+    told.wait(lambda: len(told.done) == 2)
+    job, second = told.done[-1]
+    assert second != first
+    assert (job.time_ns, job.tasks) == (2_000_000, {"live"})
+    assert told.lost == [({"die"}, "it was killed by SIGKILL")]
+    assert told_errors() == ["the worker process: it was killed by SIGKILL; it is started again in 0.5 s"]
+    assert (told.health.state, told.health.reason, told.health.restarts) == ("running", "", 1)
+
+
+def test_an_idle_process_that_is_killed_comes_back_too(server):
+    told = server.order(works.Raises()).wait_for_ready()
+    _, pid = told.perform("good")
+    os.kill(pid, signal.SIGKILL)
+    told.wait_for_ready(2)
+    assert told.perform("good")[1] != pid
+    assert told.lost == []
+
+
+def test_a_work_that_fails_is_told_and_begins_anew(server, told_errors):
+    told = server.order(works.Raises()).wait_for_ready()
+    _, pid = told.perform("good")
+    told.submit(["bad", "other"])
+    told.wait(lambda: told.lost)
+    assert told.lost == [({"bad", "other"}, "it failed: ValueError('a bad task')")]
+    trace, note = told_errors()
+    assert trace.startswith("bad, other could not be made\nTraceback")
+    assert trace.endswith("ValueError: a bad task")
+    assert note == "the worker process: it failed: ValueError('a bad task'); it is started again in 0.5 s"
+    told.wait_for_ready(2)
+    assert told.perform("good")[1] != pid
+
+
+def test_a_report_that_cannot_be_sent_is_a_failure(server):
+    told = server.order(works.ReturnsTheUnspeakable()).wait_for_ready()
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    ((tasks, reason),) = told.lost
+    assert tasks == {"a"}
+    assert reason.startswith("it failed: ")
+
+
+def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, told_errors):
+    monkeypatch.setenv("TAKEN_AWAY", "no")
+    told = server.order(
+        works.Picky(),
+        environments=({"WORKS_IN": "nowhere"}, {"WORKS_IN": "here", "TAKEN_AWAY": ""}, {"WORKS_IN": "vain"}),
+    )
+    told.wait_for_ready()
+    assert told.ready == ["here None"]
+    assert told_errors(logging.DEBUG) == ["not available: WORKS_IN=nowhere: WORKS_IN is nowhere"]
+    assert told.health.restarts == 0
+
+
+def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_errors):
+    told = server.order(works.Picky(), environments=({"WORKS_IN": "nowhere"}, {"MUJOCO_GL": "disable"}))
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    why = "WORKS_IN=nowhere: WORKS_IN is nowhere; MUJOCO_GL=disable: WORKS_IN is None"
+    assert told.lost == [({"a"}, why)]
+    assert (told.health.state, told.health.reason) == ("unavailable", why)
+    assert told_errors(logging.WARNING) == [f"this cannot be done on this machine: {why}"]
+    told.submit(["b"])
+    told.wait(lambda: len(told.lost) == 2)
+    assert told.lost[1] == ({"b"}, why)
+
+
+def test_an_environment_in_which_mujoco_cannot_be_imported_is_not_available(server):
+    told = server.order(works.Tells(), environments=({"MUJOCO_GL": "crayons"}, {"MUJOCO_GL": ""})).wait_for_ready()
+    assert told.health.state == "running"
+    told = server.order(works.Tells(), environments=({"MUJOCO_GL": "crayons"},))
+    told.wait(lambda: told.lost)
+    assert told.health.reason.startswith("MuJoCo cannot be imported with MUJOCO_GL=crayons: RuntimeError")
+
+
+def test_a_lockstep_with_an_unavailable_work_goes_on(server):
+    told = server.order(works.CrashesOnOpening(), sync=True)
+    for _ in range(3):
+        told.submit(["a"])
+    server.inbox.drain(1.0)
+    reason = "it could not be opened: RuntimeError('no such thing')"
+    assert told.lost == [({"a"}, reason)] * 3
+
+
+def test_a_lockstep_survives_a_process_that_dies(server):
+    told = server.order(works.Dies(), sync=True)
+    for task in ("live", "die", "live"):
+        server.step()
+        told.submit([task])
+    server.inbox.drain(1.0)
+    assert [job.time_ns for job, _ in told.done] == [2_000_000, 6_000_000]
+    assert told.lost == [({"die"}, "it was killed by SIGKILL")]
+
+
+def test_a_lockstep_with_a_process_that_hangs_goes_on(server, tmp_path, monkeypatch, told_errors):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    told = server.order(works.Waits(gate), sync=True).wait_for_ready()
+    monkeypatch.setattr(module, "PATIENCE", 0.2)
+    told.submit(["a"])
+    server.inbox.drain(1.0)
+    assert told.lost == [({"a"}, "nothing came from the process for 0.2 s")]
+    told.wait_for_ready(2)
+    assert told_errors()[0] == "nothing came from the process for 0.2 s; it is ended, and the simulation goes on"
+
+
+def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PAUSES", (0.01, 0.02))
+    told = server.order(works.DiesLater(tmp_path / "opened")).wait_for_ready()
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    told.submit(["b"])
+    told.wait(lambda: len(told.lost) == 2)
+    assert told.lost[0] == ({"a"}, "it ended with code 7")
+    tasks, reason = told.lost[1]
+    assert (tasks, told.health.state) == ({"b"}, "restarting")
+    assert reason.startswith("it could not be opened: FileExistsError")
+    os.unlink(tmp_path / "opened")
+    told.wait_for_ready(2)
+    assert told.health.restarts >= 2
+
+
+def test_closing_ends_a_process_that_is_busy(server, tmp_path):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    told = server.order(works.Waits(gate)).wait_for_ready()
+    told.submit(["a"])
+    began = time.monotonic()
+    server.workers.close()
+    assert time.monotonic() - began < 3.0
+    assert told.lost == []
+
+
+def test_closing_ends_a_process_that_is_starting(server):
+    told = server.order(works.Tells())
+    server.workers.close()
+    assert (told.ready, told.health.state) == ([], "starting")
