@@ -1,15 +1,13 @@
 """The requests that wait for an answer: any thread may answer, once, and a stop refuses them all."""
 
-import logging
 from collections.abc import Mapping
 
 from mjplug.wire.dialect import Inquiry
 from mjplug.wire.encoding import Form, encode
 from mjplug.wire.refusal import refusal
+from mjplug.wire.rejections import Rejections
 from mjplug.wire.replies import Replies
 from mjplug_schemas.message import Message, Service
-
-_LOG = logging.getLogger(__name__)
 
 MAX_OPEN_CALLS = 4096
 """Default limit of requests that wait at the same time for services of one type."""
@@ -80,10 +78,11 @@ class OpenCalls:
         self._limit = limit
         self._calls: dict[type[Service], set[WireCall]] = {}
         self._closed: str | None = None
+        self._untold = Rejections("a client got an empty response")
         self.replies = Replies()
 
     def __len__(self) -> int:
-        return sum(map(len, self._calls.values()))
+        return sum(map(len, tuple(self._calls.values())))
 
     def admit(self, call: WireCall) -> bool:
         """Keeps a call until it is answered, or refuses it and returns False."""
@@ -109,9 +108,7 @@ class OpenCalls:
         response = refusal(service.Response, reason)
         if response is None and inquiry.needs_response:
             # An error reply would hang this client; a response that says nothing is the lesser evil.
-            _LOG.warning(
-                "%s cannot say that a request failed; its client gets an empty response: %s", service.TYPE, reason
-            )
+            self._untold.add(f"{service.TYPE} cannot say that a request failed: {reason}")
             response = service.Response()
         if response is None:
             self.replies.post(lambda: inquiry.reply_error(reason))

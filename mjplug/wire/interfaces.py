@@ -2,6 +2,9 @@
 
 `interfaces` alone lists names, types, hashes and keys; `interfaces?schema=true` adds the definition text and the JSON
 Schema of each type. Answered on Zenoh's thread.
+
+A subscriber to the same key gets an empty message after each change. It has to ask for the list itself, since a change
+may happen on the physics thread, which has no time to write lists.
 """
 
 import json
@@ -102,16 +105,23 @@ class Listing:
 
 
 class InterfacesQueryable:
-    """Answers with the listing of the moment.
-
-    Attributes:
-        listing: The newest listing; assign to change it.
-    """
+    """Answers with the listing of the moment, and tells subscribers when there is another."""
 
     def __init__(self, session: zenoh.Session, listing: Listing) -> None:
-        self.listing = listing
+        self._listing = listing
         self._key = key_of(f"{listing.name}/interfaces")
+        self._news = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
         self._queryable = session.declare_queryable(self._key, Callback(self._answer, indirect=False))
+
+    @property
+    def listing(self) -> Listing:
+        """The newest listing; assign to change it."""
+        return self._listing
+
+    @listing.setter
+    def listing(self, listing: Listing) -> None:
+        self._listing = listing
+        self._news.put(b"")
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:

@@ -122,6 +122,13 @@ class Network:
         entry = ServiceEntry(service, keys)
         self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
 
+    def refused(self) -> dict[str, int]:
+        """Returns how many messages and requests could not be read, by the name of the topic or service."""
+        counts = dict.fromkeys((subscription.topic.name for subscription in self._subscriptions), 0)
+        for subscription in self._subscriptions:
+            counts[subscription.topic.name] += subscription.rejections.count
+        return counts | {name: server.rejections.count for name, server in self._servers.items()}
+
     def refuse_open_calls(self, reason: str) -> None:
         """Answers every request that waits with a refusal."""
         self.open_calls.refuse_all(reason)

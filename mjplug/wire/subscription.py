@@ -18,6 +18,7 @@ class Subscription(Generic[M]):
     """Decodes what comes in on a topic.
 
     Attributes:
+        topic: What is read.
         rejections: The samples that were no valid message.
 
     Args:
@@ -28,7 +29,7 @@ class Subscription(Generic[M]):
 
     def __init__(self, topic: Topic[M], deliver: Callable[[M], None], limit: int = MAX_PAYLOAD) -> None:
         self.rejections = Rejections(f"topic {topic.name}: a sample was refused")
-        self._name = topic.name
+        self.topic = topic
         self._deliver = deliver
         self._decoder = Decoder(topic.type, limit)
 
@@ -42,4 +43,4 @@ class Subscription(Generic[M]):
         try:
             self._deliver(message)
         except Exception:
-            _LOG.exception("topic %s: a message could not be handed over", self._name)
+            _LOG.exception("topic %s: a message could not be handed over", self.topic.name)

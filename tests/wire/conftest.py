@@ -9,6 +9,7 @@ import pytest
 import zenoh
 
 from mjplug.wire.network import open_network
+from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
 
 PATIENCE = 5.0
@@ -109,6 +110,16 @@ def new_network(opened):
 
     def open_one(name="/mjplug", listen=ANY_PORT, max_open_calls=4096, **settings):
         return opened(open_network(SessionSettings(listen=listen, **settings), name, max_open_calls=max_open_calls))
+
+    return open_one
+
+
+@pytest.fixture
+def new_ros_network(opened):
+    """Opens a network that ROS 2 nodes see, a router on a free port."""
+
+    def open_one(name="/mjplug", domain_id=0, distro="jazzy"):
+        return opened(open_network(SessionSettings(listen=ANY_PORT), name, ros2=RosSettings(domain_id, distro)))
 
     return open_one
 

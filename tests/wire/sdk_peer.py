@@ -6,6 +6,7 @@ Arguments: the server's port, a folder of interface definitions, the body to pus
 import json
 import sys
 import threading
+import time
 
 import zenoh_ros2_sdk.message_registry
 from zenoh_ros2_sdk import (
@@ -21,6 +22,7 @@ from zenoh_ros2_sdk import (
 )
 
 PATIENCE = 20.0
+SERVICE = "/external_wrench/apply_wrench"
 TELLING = threading.Lock()
 
 
@@ -62,7 +64,7 @@ def steer(port, topic):
 def push(port, body):
     """Calls a service that answers when the push is over."""
     client = ROS2ServiceClient(
-        "/external_wrench/apply_wrench",
+        SERVICE,
         "mujoco_ros2_control_msgs/srv/ApplyExternalWrench",
         router_port=port,
         timeout=PATIENCE,
@@ -84,6 +86,15 @@ def push(port, body):
     return [bool(response.success), response.message]
 
 
+def asked(ask, name):
+    """Asks again while the answer has nothing by that name: a Zenoh peer that connects to one more may get no reply."""
+    tick = threading.Event()
+    deadline = time.monotonic() + PATIENCE
+    while not (answer := ask()).get(name) and time.monotonic() < deadline:
+        tick.wait(0.05)
+    return answer
+
+
 def main():
     port, tree, body, *twist_topics = sys.argv[1:]
     port = int(port)
@@ -98,9 +109,10 @@ def main():
             assert first.wait(PATIENCE)
         kept = [steer(port, topic) for topic in twist_topics]
         tell("response", push(port, body))
-        tell("topics", dict(get_topic_names_and_types(router_port=port)))
-        tell("services", dict(get_service_names_and_types(router_port=port)))
-        (publisher,) = get_topic_info("/clock", router_port=port, verbose=True).publishers
+        tell("topics", asked(lambda: dict(get_topic_names_and_types(router_port=port)), "/clock"))
+        tell("services", asked(lambda: dict(get_service_names_and_types(router_port=port)), SERVICE))
+        info = asked(lambda: vars(get_topic_info("/clock", router_port=port, verbose=True)), "publishers")
+        (publisher,) = info["publishers"]
         tell("clock publisher", [publisher.node_namespace, publisher.node_name, publisher.qos])
         del kept
     finally:

@@ -10,7 +10,7 @@ from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas.idl import boolean, string
 from mjplug_schemas.message import Message
-from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
+from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, SetPause
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Empty, SetBool
 
@@ -106,6 +106,23 @@ def test_a_payload_over_the_limit_is_not_looked_at():
         decode(b"{" * 101, None, Decoder(Untouchable, limit=100))
     with pytest.raises(AssertionError, match="decoded"):
         decode(b"{" * 100, None, Decoder(Untouchable, limit=100))
+
+
+def test_json_of_too_many_objects_is_not_decoded_but_the_same_in_cdr_is():
+    many = ApplyExternalWrench.Request.from_json(_wrenches(5000))
+    decoder = Decoder(ApplyExternalWrench.Request)
+    assert decode(_wrenches(9998), None, decoder)[0] == "json"
+    for encoding in (None, "application/json"):
+        with pytest.raises(PayloadError) as refused:
+            decode(_wrenches(300_000), encoding, decoder)
+        assert str(refused.value) == (
+            "the JSON has 300002 objects (counted by '{'); at most 10000 are accepted, send CDR"
+        )
+    assert decode(many.to_cdr(), None, decoder) == ("cdr", many)
+
+
+def _wrenches(count):
+    return b'{"wrenches": {"external_wrenches": [%s]}}' % b",".join([b"{}"] * count)
 
 
 def test_encodings_name_the_type_of_cdr():

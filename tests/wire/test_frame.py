@@ -92,6 +92,17 @@ def test_views_have_the_type_of_the_field():
     assert frame.view("position").shape == (0,)
 
 
+@pytest.mark.parametrize("joints", [1, 30, 1000])
+def test_numbers_are_aligned_and_the_buffer_is_what_is_sent(joints):
+    zeros = [0.0] * joints
+    frame = CdrFrame(JointState(name=["j"] * joints, position=zeros, velocity=zeros, effort=zeros))
+    position = frame.view("position")
+    assert position.flags.aligned
+    position[:] = 1.5
+    assert bytes(frame.buffer) == frame.payload()
+    assert JointState.from_cdr(frame.buffer).position == (1.5,) * joints
+
+
 def test_a_payload_is_a_copy():
     frame = CdrFrame(JointState(position=(1.0,)))
     before = frame.payload()

@@ -65,6 +65,16 @@ def test_what_is_declared_later_is_listed_too(busy_network, client):
     assert [service["name"] for service in after["services"]] == ["/mjplug/go", "/later"]
 
 
+def test_a_subscriber_hears_of_each_change_and_can_ask_for_it(busy_network, client):
+    changes = client.listen("mjplug/interfaces")
+    client.settle()
+    for number in (1, 2):
+        busy_network.open_service(ServiceName(f"/later{number}", Trigger), print)
+        assert changes.get(timeout=PATIENCE).payload.to_bytes() == b""
+        assert client.call("mjplug/interfaces").json["services"][-1]["name"] == f"/later{number}"
+    assert changes.empty()
+
+
 def test_schemas_are_told_on_request(busy_network, client):
     types = client.call("mjplug/interfaces?schema=true").json["types"]
     assert types.keys() == {"rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist", "std_srvs/srv/Trigger"}

@@ -9,13 +9,16 @@ import threading
 from pathlib import Path
 
 import pytest
+import zenoh
 from cli.process import Served
+from wire.older_zenoh import python_with
 
-from mjplug.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topic
+from mjplug.services.parameters import parameter_value
+from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, ServiceName, Topic
+from mjplug.wire.endpoints import with_free_port
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
-from mjplug.wire.rmw_zenoh.parameters import parameter_value
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas import registry
 from mjplug_schemas.builtin_interfaces import Time
@@ -27,7 +30,11 @@ from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String
 
 PEER = Path(__file__).parent / "sdk_peer.py"
+OLDER_PEER = Path(__file__).parent / "older_peer.py"
 PATIENCE = 30.0
+
+OLDER = [pytest.param(version, marks=[pytest.mark.slow, pytest.mark.timeout(240)]) for version in ("1.9.0", "1.5.0")]
+"""Versions of Zenoh that peers may have; the server itself needs 1.6."""
 
 
 @pytest.fixture(scope="module")
@@ -41,21 +48,28 @@ def definitions(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def python_of(tmp_path_factory):
+    """Returns the Python that has a version of Zenoh; None is the one of the server."""
+    made = {None: sys.executable}
+
+    def get(version):
+        if version not in made:
+            made[version] = python_with(version, tmp_path_factory.mktemp("zenoh") / version)
+        return made[version]
+
+    return get
+
+
 @pytest.fixture
-def start_peer(definitions, tmp_path):
-    """Starts the peer; returns what it tells, as a queue of pairs."""
+def start(tmp_path):
+    """Starts a peer; returns what it tells, as a queue of pairs."""
     started = []
 
-    def start(endpoint, *arguments):
-        environment = os.environ | {
-            "HOME": str(tmp_path),
-            "GIT_PYTHON_REFRESH": "quiet",
-            "ROS_DOMAIN_ID": "0",
-            "ZENOH_CONFIG_OVERRIDE": 'listen/endpoints=["tcp/127.0.0.1:0"]',
-        }
+    def start_one(*command, **environment):
         process = subprocess.Popen(
-            [sys.executable, PEER, endpoint.rpartition(":")[2], definitions, *arguments],
-            env=environment,
+            command,
+            env=os.environ | {"HOME": str(tmp_path), **environment},
             stdout=subprocess.PIPE,
             text=True,
         )
@@ -72,22 +86,67 @@ def start_peer(definitions, tmp_path):
         threading.Thread(target=read, daemon=True).start()
         return lines
 
-    yield start
+    yield start_one
     for process in started:
         process.kill()
         process.wait()
         process.stdout.close()
 
 
-def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer):
+@pytest.fixture
+def start_peer(start, python_of, definitions, tmp_path):
+    """Starts zenoh-ros2-sdk on a version of Zenoh."""
+
+    def start_one(endpoint, *arguments, version=None):
+        environment = {
+            "GIT_PYTHON_REFRESH": "quiet",
+            "ROS_DOMAIN_ID": "0",
+            "ZENOH_CONFIG_OVERRIDE": 'listen/endpoints=["tcp/127.0.0.1:0"]',
+        }
+        if version == "1.5.0":
+            # The configuration that comes with it has settings of later versions.
+            config = tmp_path / "zenoh.json5"
+            config.write_text('{"mode": "peer", "scouting": {"multicast": {"enabled": false}}}')
+            environment["ZENOH_SESSION_CONFIG_URI"] = str(config)
+        port = endpoint.rpartition(":")[2]
+        return start(python_of(version), PEER, port, definitions, *arguments, **environment)
+
+    return start_one
+
+
+@pytest.fixture
+def router(opened):
+    """The endpoint of what rmw_zenohd is: a bare Zenoh router."""
+    endpoint = with_free_port("tcp/127.0.0.1:0")
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    opened(zenoh.open(config))
+    return endpoint
+
+
+@pytest.mark.parametrize("version", [None, *OLDER])
+def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer, version):
     network = opened(open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/robot1/mjplug", ros2=RosSettings()))
+    assert network.session.role == "router"
+    meet(network, start_peer, version)
+
+
+def test_a_foreign_node_does_so_where_a_router_was_first(opened, start_peer, router):
+    network = opened(open_network(SessionSettings(listen=(router,)), "/robot1/mjplug", ros2=RosSettings()))
+    assert (network.session.role, network.session.endpoint) == ("peer", router)
+    meet(network, start_peer)
+
+
+def meet(network, start_peer, version=None):
     heard = {"heartbeat": threading.Event(), "clock": threading.Event()}
     twists, calls = queue.SimpleQueue(), queue.SimpleQueue()
     heartbeat = network.open_publisher(Topic("/mujoco_heartbeat", String, DEFAULT), heard["heartbeat"].set)
     clock = network.open_publisher(Topic("/clock", Clock, CLOCK), heard["clock"].set)
     network.open_subscription(Topic("/robot1/cmd_vel", Twist, LATEST), twists.put)
     network.open_service(ServiceName("/external_wrench/apply_wrench", ApplyExternalWrench), calls.put)
-    peer = start_peer(network.session.endpoint, "pelvis", "/robot1/cmd_vel")
+    peer = start_peer(network.session.endpoint, "pelvis", "/robot1/cmd_vel", version=version)
     assert all(event.wait(PATIENCE) for event in heard.values())
     heartbeat.publish(String(data="alive"))
     assert peer.get(timeout=PATIENCE) == ("/mujoco_heartbeat", "alive")
@@ -100,11 +159,6 @@ def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer):
     assert wrench.duration.nanosec == 300_000_000
     call.respond(ApplyExternalWrench.Response(success=True, message="the push is over"))
     told = dict(peer.get(timeout=PATIENCE) for _ in range(5))
-    of_every_node = {name for name in told["services"] if name.startswith("/robot1/mjplug/")}
-    assert {told["services"].pop(name)[0].partition("/")[0] for name in of_every_node} == {
-        "rcl_interfaces",
-        "type_description_interfaces",
-    }
     assert told == {
         "response": [True, "the push is over"],
         "topics": {
@@ -114,10 +168,32 @@ def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer):
         },
         "services": {
             "/external_wrench/apply_wrench": ["mujoco_ros2_control_msgs/srv/ApplyExternalWrench"],
+            "/robot1/mjplug/get_type_description": ["type_description_interfaces/srv/GetTypeDescription"],
         },
         "clock publisher": ["/robot1", "mjplug", "2::,1:,:,:,,"],
         "end": 0,
     }
+
+
+@pytest.mark.parametrize("version", [None, *OLDER])
+def test_nothing_is_lost_where_best_effort_and_reliable_topics_share_a_link(opened, start, python_of, version):
+    network = opened(open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/mjplug", ros2=RosSettings()))
+    topics = [Topic("/mujoco_heartbeat", String, DEFAULT), Topic("/clock", Clock, CLOCK)]
+    matched = [threading.Event() for _ in topics]
+    heartbeat, clock = (network.open_publisher(*each) for each in zip(topics, [m.set for m in matched], strict=True))
+    name = Topic("/robot_name", String, LATCHED)
+    network.open_publisher(name).publish(String(data="box"))
+    keys = [RosSettings().data_key(topic.name, topic.type) for topic in (name, *topics)]
+    peer = start(python_of(version), OLDER_PEER, network.session.endpoint, keys[0], "200", *keys[1:])
+    assert all(event.wait(PATIENCE) for event in matched)
+    tick = threading.Event()
+    for _ in range(200):
+        # One right after the other, so that both leave in one batch.
+        heartbeat.publish(String(data="alive"))
+        clock.publish(Clock())
+        tick.wait(0.001)
+    numbers = list(range(1, 201))
+    assert peer.get(timeout=PATIENCE) == ("got", [["box"], numbers, numbers])
 
 
 def test_a_foreign_node_meets_a_server_with_its_default_settings(start_peer, tmp_path):

@@ -36,8 +36,8 @@ class Attachment:
         """
         if len(raw) != SIZE or raw[16] != _GID_SIZE:
             raise ValueError(
-                f"the attachment has {len(raw)} bytes ({raw[:20].hex(' ')} ...); rmw_zenoh's has {SIZE}, with the "
-                f"length {_GID_SIZE} in the byte before the last {_GID_SIZE}"
+                f"the attachment has {len(raw)} bytes ({raw[:20].hex(' ')} ...); rmw_zenoh's has {SIZE} since 0.1.2 "
+                f"(Humble), 0.2.4 (Jazzy) and 0.6.0, with the length {_GID_SIZE} before the last {_GID_SIZE}"
             )
         sequence_number, source_timestamp, _, gid = _LAYOUT.unpack(raw)
         return cls(sequence_number, source_timestamp, gid)

@@ -14,13 +14,14 @@ from mjplug.transport import QoS, ServiceName, Topic
 from mjplug.wire.dialect import Inquiry, Outlet
 from mjplug.wire.encoding import TEXT, Received
 from mjplug.wire.inlets import open_inlet
+from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.inquiry import RmwInquiry
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.mismatches import Mismatches
 from mjplug.wire.rmw_zenoh.outlets import LatchedRmwOutlet, LiveRmwOutlet
-from mjplug.wire.rmw_zenoh.qos import SERVICE, qos_chunk
+from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
 from mjplug.wire.rmw_zenoh.tokens import EndpointKind, Node, gid
 from mjplug_schemas.message import Message, Service
 
@@ -83,8 +84,9 @@ class RmwZenohDialect:
         # Without this token, publishers of Lyrical and later would not put large messages on this key.
         self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
 
-    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None], qos: QoS = SERVICE) -> None:
+    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
         """Declares and announces the server of a service."""
+        qos = PARAMETER_SERVICE if service.type.TYPE.startswith("rcl_interfaces/") else SERVICE
         any_key = self._settings.any_hash_key(service.name, service.type)
         own_key = self._settings.data_key(service.name, service.type)
         unreadable = Rejections(f"service {service.name}: a query was no request of a ROS 2 node")
@@ -94,18 +96,28 @@ class RmwZenohDialect:
             if key == any_key:
                 key = own_key
             if "*" in key:
-                refuse(query, f"{own_key} is a service; query exactly this key to call it")
+                # Whoever asks like this, or without an attachment, is no ROS 2 node that could read a response.
+                complain(query, f"{own_key} is a service; query exactly this key to call it")
                 return
+            raw = bytes(query.attachment) if query.attachment is not None else b""
             try:
-                attachment = Attachment.from_bytes(bytes(query.attachment) if query.attachment is not None else b"")
+                attachment = Attachment.from_bytes(raw)
             except ValueError as error:
                 unreadable.add(str(error))
-                refuse(query, str(error))
+                if raw:
+                    refuse(query, key, raw, str(error))
+                else:
+                    complain(query, str(error))
             else:
                 receive(RmwInquiry(query, key, attachment))
 
-        def refuse(query: zenoh.Query, sentence: str) -> None:
-            # Whoever asks like this is no ROS 2 node that could read a response.
+        def refuse(query: zenoh.Query, key: str, attachment: bytes, sentence: str) -> None:
+            # A node with another rmw_zenoh would wait on after an error reply. It knows its own attachment again.
+            response = refusal(service.type.Response, sentence) or service.type.Response()
+            with query:
+                query.reply(key, response.to_cdr(), attachment=attachment)
+
+        def complain(query: zenoh.Query, sentence: str) -> None:
             with query:
                 query.reply_err(sentence.encode(), encoding=TEXT)
 

@@ -4,8 +4,7 @@ Whoever puts or asks names one hash. Whoever listens or answers leaves it open (
 differs between two distributions is heard and can be talked about.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from mjplug_schemas import names
@@ -25,12 +24,10 @@ class RosSettings:
     Attributes:
         domain_id: Their ROS_DOMAIN_ID.
         distro: Their distribution; only Humble differs from the others.
-        parameters: What the server's node has as read-only parameters.
     """
 
     domain_id: int = 0
     distro: Distro = "jazzy"
-    parameters: Mapping[str, bool | int | float | str] = field(default_factory=lambda: {"use_sim_time": True})
 
     def type_hash(self, interface: type[Message] | type[Service]) -> str:
         """Returns the hash of a type as the distribution writes it."""

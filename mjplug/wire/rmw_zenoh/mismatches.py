@@ -39,10 +39,10 @@ class Mismatches:
         self._interfaces = f"{names.key(name)}/interfaces?schema=true"
         self._own_zid = str(session.zid())
         self._watchers: list[object] = []
-        self._told: set[str] = set()
+        self._told: set[tuple[str, str]] = set()
 
     def watch(self, kind: EndpointKind, name: str, type_name: str, type_hash: str) -> None:
-        """Warns, once for a name, of endpoints on the other side of this one that have another type hash.
+        """Warns of endpoints on the other side of this one that have another type hash: once for a name and a hash.
 
         Args:
             kind: What ours is.
@@ -53,11 +53,12 @@ class Mismatches:
         other = OPPOSITE[kind]
 
         def appeared(sample: zenoh.Sample) -> None:
-            if sample.kind != zenoh.SampleKind.PUT or name in self._told:
+            if sample.kind != zenoh.SampleKind.PUT:
                 return
             endpoint = read_endpoint(str(sample.key_expr))
-            if endpoint.zid != self._own_zid and endpoint.type_hash != type_hash:
-                self._told.add(name)
+            told = (name, endpoint.type_hash)
+            if endpoint.zid != self._own_zid and endpoint.type_hash != type_hash and told not in self._told:
+                self._told.add(told)
                 _LOG.warning(
                     "%s: node %s has %s for %s with type hash %s, mjplug has %s. %s",
                     name,

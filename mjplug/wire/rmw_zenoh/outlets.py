@@ -4,13 +4,15 @@ The encoding is not said, as nodes do not say it either: the key names the type.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import zenoh
 from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
 
 from mjplug.transport import QoS
+from mjplug.wire.dialect import OutletLease
 from mjplug.wire.encoding import Form
-from mjplug.wire.outlets import LiveOutlet, reliability
+from mjplug.wire.outlets import LiveOutlet
 from mjplug.wire.rmw_zenoh.attachment import Attachments
 
 _HEARTBEAT = 0.5
@@ -22,11 +24,29 @@ class LiveRmwOutlet(LiveOutlet):
 
     def __init__(self, session: zenoh.Session, key: str, gid: bytes, qos: QoS, on_matched: Callable[[], None]) -> None:
         self._attachments = Attachments(gid)
+        self._rmw_lease = LiveRmwLease(key, gid, qos)
         super().__init__(session, key, "cdr", zenoh.Encoding.ZENOH_BYTES, qos, on_matched)
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
         self._put(payload, attachment=self._attachments.next())
+
+    def lease(self) -> OutletLease:
+        """Returns what another process needs to write to the key; the gid stays that of the server's token."""
+        return self._rmw_lease
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRmwLease:
+    """A `LiveRmwOutlet` to be; see there."""
+
+    key: str
+    gid: bytes
+    qos: QoS
+
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveRmwOutlet:
+        """Declares the outlet."""
+        return LiveRmwOutlet(session, self.key, self.gid, self.qos, on_matched)
 
 
 class LatchedRmwOutlet:
@@ -35,13 +55,14 @@ class LatchedRmwOutlet:
     def __init__(self, session: zenoh.Session, key: str, gid: bytes, qos: QoS) -> None:
         self.form: Form = "cdr"
         self.matched = True
+        self._lease = LatchedRmwLease(key, gid, qos)
         self._attachments = Attachments(gid)
         reliable = qos.reliability == "reliable"
         self._publisher = declare_advanced_publisher(
             session,
             key,
             congestion_control=zenoh.CongestionControl.DROP,
-            reliability=reliability(qos),
+            reliability=zenoh.Reliability.RELIABLE,
             cache=CacheConfig(qos.depth),
             publisher_detection=True,
             sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
@@ -53,6 +74,23 @@ class LatchedRmwOutlet:
         """Sends an encoded message and keeps it."""
         self._publisher.put(payload, attachment=self._attachments.next())
 
+    def lease(self) -> OutletLease:
+        """Returns what another process needs to write to the key; the gid stays that of the server's token."""
+        return self._lease
+
     def close(self) -> None:
         """Makes it unmatched for good."""
         self.matched = False
+
+
+@dataclass(frozen=True, slots=True)
+class LatchedRmwLease:
+    """A `LatchedRmwOutlet` to be; see there."""
+
+    key: str
+    gid: bytes
+    qos: QoS
+
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedRmwOutlet:
+        """Declares the outlet; it is matched from the beginning."""
+        return LatchedRmwOutlet(session, self.key, self.gid, self.qos)
