@@ -2,13 +2,15 @@
 
 import os
 import struct
+import tempfile
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 
-from mjplug.core import urdf
+from mjplug.core import lidar_extension, urdf
 from mjplug.core.model_location import SUFFIXES, locate
 from mjplug.errors import ModelError
 
@@ -49,7 +51,7 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
         model = _compile(path, environ)
     except OSError as error:
         raise ModelError(f"{error.filename or path} cannot be read: {error.strerror}") from error
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, mujoco.FatalError, zipfile.BadZipFile) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         raise ModelError(f"{path}: {'; '.join(lines).replace(':;', ':')}") from error
     name = bytes(model.names).partition(b"\0")[0].decode()
@@ -93,11 +95,22 @@ def _dotted(version: int) -> str:
 
 
 def _compile(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
+    if path.suffix.lower() == ".mjz" and zipfile.is_zipfile(path):
+        return _compile_archive(path)
+    try:
+        return _compile_as_it_is(path, environ)
+    except ValueError as error:
+        if lidar_extension.PLUGIN not in str(error):
+            raise
+    main = os.path.abspath(path)
+    files = lidar_extension.overlay(main, lambda name: Path(name).read_bytes() if os.path.isfile(name) else None)
+    return mujoco.MjModel.from_xml_path(main, files)
+
+
+def _compile_as_it_is(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
     suffix = path.suffix.lower()
     if suffix == ".mjb":
         return mujoco.MjModel.from_binary_path(str(path))
-    if suffix == ".mjz":
-        return _compile_archive(path)
     if suffix == ".urdf":
         found = urdf.with_meshes(path, environ)
         if found is not None:
@@ -106,6 +119,23 @@ def _compile(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
 
 
 def _compile_archive(path: Path) -> mujoco.MjModel:
+    with zipfile.ZipFile(path) as archive:
+        texts = [name for name in archive.namelist() if name.endswith(".xml")]
+        if not any(lidar_extension.PLUGIN.encode() in archive.read(name) for name in texts):
+            return _compile_archive_as_it_is(path)
+        files = {info.filename: archive.read(info) for info in archive.infolist() if not info.is_dir()}
+    # As MuJoCo looks for it: called like the archive, otherwise the last one.
+    main = next((name for name in texts if Path(name).stem == path.stem), texts[-1])
+    files |= lidar_extension.overlay(main, files.get)
+    with tempfile.TemporaryDirectory() as folder:
+        changed = Path(folder) / path.name
+        with zipfile.ZipFile(changed, "w") as archive:
+            for name, content in files.items():
+                archive.writestr(name, content)
+        return _compile_archive_as_it_is(changed)
+
+
+def _compile_archive_as_it_is(path: Path) -> mujoco.MjModel:
     model: mujoco.MjModel
     try:
         model = mujoco.MjSpec.from_file(str(path)).compile()

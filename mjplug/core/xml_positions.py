@@ -1,0 +1,96 @@
+"""XML with the place of every element in the file, for edits that leave everything else as it is."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from xml.parsers import expat
+
+_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+
+
+@dataclass(slots=True, eq=False)
+class Element:
+    """An element and where it stands.
+
+    Attributes:
+        tag: Its name.
+        attributes: Its attributes.
+        line: The line it begins in, from 1.
+        start: Where it begins [bytes].
+        inner_end: Where its end tag begins; with an empty element, where that ends [bytes].
+        end: Where it ends [bytes].
+        children: The elements in it.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    start: int
+    inner_end: int = 0
+    end: int = 0
+    children: list["Element"] = field(default_factory=list)
+
+    def descendants(self) -> Iterator[tuple["Element", "Element"]]:
+        """Yields every element below this one with its parent, in the order of the file."""
+        for child in self.children:
+            yield child, self
+            yield from child.descendants()
+
+
+class Edit(NamedTuple):
+    """What to put in the place of a piece of a file.
+
+    Attributes:
+        start: Where the piece begins [bytes].
+        end: Where it ends [bytes].
+        text: What takes its place.
+    """
+
+    start: int
+    end: int
+    text: str = ""
+
+
+def parse(content: bytes) -> Element:
+    """Returns the root element.
+
+    Raises:
+        expat.ExpatError: It is no XML.
+    """
+    parser = expat.ParserCreate()
+    top = Element("", {}, 0, 0)
+    open_elements = [top]
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, parser.CurrentLineNumber, parser.CurrentByteIndex)
+        open_elements[-1].children.append(element)
+        open_elements.append(element)
+
+    def end(tag: str) -> None:
+        element = open_elements.pop()
+        opening = _TAG.match(content, element.start)
+        assert opening is not None
+        empty = opening[0].endswith(b"/>")
+        element.inner_end = opening.end() if empty else parser.CurrentByteIndex
+        element.end = opening.end() if empty else content.index(b">", element.inner_end) + 1
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.Parse(content, True)
+    return top.children[0]
+
+
+def edited(content: bytes, edits: Iterable[Edit]) -> bytes:
+    """Returns the file with the edits made; the lines after them keep their numbers.
+
+    Args:
+        content: The file.
+        edits: They must not overlap.
+    """
+    pieces: list[bytes] = []
+    at = 0
+    for edit in sorted(edits):
+        removed = content[edit.start : edit.end]
+        pieces += [content[at : edit.start], edit.text.encode(), b"\n" * removed.count(b"\n")]
+        at = edit.end
+    return b"".join([*pieces, content[at:]])

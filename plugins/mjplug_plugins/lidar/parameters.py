@@ -1,0 +1,94 @@
+"""The parameters of the plugin and of each of its lidars."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticKnownError
+
+from mjplug.plugin import Parameters
+
+
+def _listed(value: object) -> object:
+    """One value is a list of one."""
+    return [value] if isinstance(value, int | float | str) and not isinstance(value, bool) else value
+
+
+_HALF_TURN = 3.1416
+"""As angles in files are rounded [rad]."""
+
+Angle = Annotated[float, Field(ge=-_HALF_TURN, le=_HALF_TURN)]
+
+Flag = Literal[0, 1]
+
+
+class LidarParameters(Parameters):
+    """Parameters of one lidar, under its name; what is not given is as in the model."""
+
+    site: str | None = Field(default=None, description="Site it is at; needed for a lidar that the model lacks.")
+    frame_name: str | None = Field(default=None, description="Frame of the messages; the site's name by default.")
+    topic: str | None = Field(default=None, description="Topic name; /scan by default, /points with several rows.")
+    resolution: Annotated[tuple[int, int], Field(strict=False)] | None = Field(
+        default=None, description="Columns and rows of rays."
+    )
+    azimuth_range: Annotated[tuple[Angle, Angle], Field(strict=False)] | None = Field(
+        default=None, description="Angle of the first and the last column, from the x axis towards y [rad]."
+    )
+    elevation_range: (
+        Annotated[tuple[Angle, ...], BeforeValidator(_listed), Field(strict=False, min_length=1, max_length=2)] | None
+    ) = Field(default=None, description="Angle of the lowest and the highest row; one for a single row [rad].")
+    endpoint: bool = Field(default=True, description="Whether there is a column at the end of azimuth_range.")
+    min_range: float | None = Field(default=None, ge=0, description="Shortest distance that can be measured [m].")
+    max_range: float | None = Field(default=None, gt=0, description="Longest distance that can be measured [m].")
+    update_rate: float | None = Field(
+        default=None, ge=0, description="Scans per second of simulated time; 0 is one at every step [Hz]."
+    )
+    geomgroup: (
+        Literal["all", "colliding"] | Annotated[tuple[Flag, Flag, Flag, Flag, Flag, Flag], Field(strict=False)]
+    ) = Field(default="all", description="Geom groups that are seen.")
+    exclude_body: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(strict=False)] | None = Field(
+        default=None, description="Bodies that are not seen; the site's own by default."
+    )
+    noise_std: float = Field(default=0.0, ge=0, description="Standard deviation of gaussian noise on distances [m].")
+    dropout: float = Field(default=0.0, ge=0, le=1, description="Probability that a ray gets no answer.")
+    no_return: Literal["rep117"] | Annotated[float, Field(allow_inf_nan=True)] = Field(
+        default="rep117", description="What a scan has for a ray without a distance."
+    )
+
+    @field_validator("resolution")
+    @classmethod
+    def _counts(cls, resolution: tuple[int, int] | None) -> tuple[int, int] | None:
+        if resolution is not None and min(resolution) < 1:
+            raise ValueError(f"columns and rows must be above 0, not {resolution[0]} and {resolution[1]}")
+        return resolution
+
+    @field_validator("azimuth_range", "elevation_range")
+    @classmethod
+    def _in_order(cls, angles: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if angles is not None and len(angles) == 2 and angles[0] >= angles[1]:
+            raise ValueError(f"the first angle, {angles[0]:g}, must be below the second, {angles[1]:g}")
+        return angles
+
+    @field_validator("max_range")
+    @classmethod
+    def _above_min_range(cls, max_range: float | None, info: ValidationInfo) -> float | None:
+        low = info.data.get("min_range")
+        if max_range is not None and low is not None and max_range <= low:
+            raise ValueError(f"{max_range:g} is not above min_range, which is {low:g}")
+        return max_range
+
+
+def _lidar(value: object) -> object:
+    """Lets a mapping pass; a plain value is no lidar but a misspelt parameter."""
+    if isinstance(value, bool | int | float | str):
+        raise PydanticKnownError("extra_forbidden")
+    return {} if value is None else value
+
+
+class PluginParameters(Parameters):
+    """Parameters of Lidar; every other name is that of a lidar, with LidarParameters below it."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Annotated[LidarParameters, BeforeValidator(_lidar)]]
+
+    threads: int = Field(default=1, ge=1, le=64, description="Threads that cast the rays of a scan.")
+    sync: bool = Field(default=False, description="Whether physics waits for each scan.")

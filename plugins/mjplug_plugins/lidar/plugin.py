@@ -1,0 +1,110 @@
+"""The plugin: which lidars there are, when they are due, and how they fare."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from itertools import chain
+
+from mjplug.plugin import (
+    LATEST,
+    Diagnosis,
+    Host,
+    Job,
+    Plugin,
+    PluginError,
+    Publisher,
+    UnknownName,
+    lidar_sensors,
+    worker_diagnosis,
+)
+from mjplug_plugins.lidar.parameters import LidarParameters, PluginParameters
+from mjplug_plugins.lidar.settings import Settings, settings_of
+from mjplug_plugins.lidar.work import LidarWork
+from mjplug_schemas.sensor_msgs import LaserScan, PointCloud2
+
+Scans = LaserScan | PointCloud2
+
+
+class Lidar(Plugin[PluginParameters]):
+    """Publishes lidars as `sensor_msgs/LaserScan`, or with several rows as `sensor_msgs/PointCloud2`.
+
+    The lidars are the `mujoco.plugin.lidar` sensors of the model, and those that the parameters put at a site. Rays are
+    cast in a process of their own, only for lidars that somebody listens to. A message belongs to the very state of its
+    stamp.
+    """
+
+    def init(self, host: Host, parameters: PluginParameters) -> None:
+        """Finds the lidars, hands them to the worker and starts the timers."""
+        self._taken: dict[str, float] = {}
+        self._lost = ""
+        self._host = host
+        lidars = _lidars(host, parameters.__pydantic_extra__)
+        if not lidars:
+            host.logger.warning("the model has no mujoco.plugin.lidar, and none is configured: nothing is published")
+            return
+        _warn_of_shared_topics(host, lidars)
+        self._publishers = {lidar.name: _publisher(host, lidar) for lidar in lidars}
+        self._worker = host.create_worker(
+            LidarWork(lidars, parameters.threads),
+            list(self._publishers.values()),
+            sync=parameters.sync,
+            on_done=self._done,
+            on_lost=self._not_done,
+        )
+        # Those of one rate are due together, and so made from one state.
+        for rate in sorted({lidar.update_rate for lidar in lidars}):
+            self._start_timer(rate, [lidar.name for lidar in lidars if lidar.update_rate == rate])
+        host.create_diagnostic("", self._diagnose)
+
+    def _start_timer(self, rate: float, names: list[str]) -> None:
+        def submit() -> None:
+            self._worker.submit([name for name in names if self._publishers[name].matched])
+
+        period = 1.0 / rate if rate else float(self._host.model.opt.timestep)
+        self._host.create_timer(period, submit, while_matched=[self._publishers[name] for name in names])
+
+    def _done(self, job: Job, taken: Mapping[str, float]) -> None:
+        self._taken.update(taken)
+        self._lost = ""
+
+    def _not_done(self, names: frozenset[str], reason: str) -> None:
+        if reason != self._lost:
+            self._host.logger.warning("no scan of %s: %s", ", ".join(sorted(names)) or "any lidar", reason)
+        self._lost = reason
+
+    def _diagnose(self) -> Diagnosis:
+        diagnosis = worker_diagnosis(self._worker.health)
+        times = {f"last scan of {name} [ms]": f"{1e3 * taken:.2f}" for name, taken in sorted(self._taken.items())}
+        return Diagnosis(diagnosis.level, diagnosis.message, {**diagnosis.values, **times})
+
+
+def _lidars(host: Host, configured: Mapping[str, LidarParameters]) -> list[Settings]:
+    """Returns the lidars of the model, in its order, and then those that are only configured."""
+    sensors = lidar_sensors(host.model)
+    seed = int(host.random.integers(2**63))
+    lidars: list[Settings] = []
+    for name in dict.fromkeys(chain(sensors, configured)):
+        given = configured.get(name, LidarParameters())
+        if name not in sensors and given.site is None:
+            unknown = UnknownName("lidar", name, sensors)
+            raise PluginError(
+                f"{unknown}; for one that the model lacks, give site, resolution, azimuth_range, elevation_range and "
+                "max_range"
+            )
+        # By its name besides, so that other lidars do not change its noise.
+        noise = (seed, *name.encode())
+        lidars.append(settings_of(host.model, name, sensors.get(name), given, noise))
+    return lidars
+
+
+def _warn_of_shared_topics(host: Host, lidars: list[Settings]) -> None:
+    names = defaultdict(list)
+    for lidar in lidars:
+        names[host.full_name(lidar.topic)].append(lidar.name)
+    for topic, sharing in names.items():
+        if len(sharing) > 1:
+            host.logger.warning("lidars %s publish on the same topic, %s", ", ".join(sharing), topic)
+
+
+def _publisher(host: Host, lidar: Settings) -> Publisher[Scans]:
+    kind = PointCloud2 if lidar.rows > 1 else LaserScan
+    return host.create_publisher(kind, lidar.topic, LATEST)
