@@ -49,6 +49,8 @@ class Draft(Origins):
         except ValidationError as error:
             self.problems += self.explain(error, (), Settings)
         self.problems += self.missing_file(("zenoh", "config"))
+        if self._tree.get(("sim", "start_position_file")):
+            self.problems += self.missing_file(("sim", "start_position_file"))
 
     @property
     def plugins(self) -> dict[str, PluginEntry]:

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 
 from mjplug.config.document import KeyPath
 from mjplug.config.explain import dotted, explain
-from mjplug.config.problem import Problem
+from mjplug.config.problem import Mark, Problem
 from mjplug.config.tree import Tree
 
 
@@ -43,6 +43,10 @@ class Origins:
     def problem(self, path: KeyPath, message: str, hint: str = "") -> Problem:
         """Returns a problem with the value at a path; where there is none, with the section around it."""
         return Problem(f"{dotted(path)}: {message}" if path else message, self._tree.place(path).value, hint)
+
+    def origin(self, path: KeyPath) -> Mark | None:
+        """Returns where the value at a path stands; None if nobody has said it, so that it is a default."""
+        return None if self._tree.get(path) is None else self._tree.place(path).value
 
     def folders(self, path: KeyPath) -> tuple[Path, ...]:
         """Returns where a relative file name at a path counts from, first choice first.

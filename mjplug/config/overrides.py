@@ -15,7 +15,7 @@ PREFIX = "MJPLUG_"
 ROS_DOMAIN = "ROS_DOMAIN_ID"
 """What ROS 2 nodes on this machine are told; it counts where nobody says `ros2.domain_id`."""
 
-RESERVED = ("MJPLUG_LOG",)
+RESERVED = ("MJPLUG_CONNECT", "MJPLUG_LOG")
 """Variables that begin like this say something else than the configuration."""
 
 

@@ -37,6 +37,17 @@ class Sim(Section):
     )
     paused: bool = Field(False, description="Whether to start paused.")
     keyframe: str = Field("", description="Name of the keyframe to start from; empty means the model's default pose.")
+    start_position_file: str = Field(
+        "", description="An XML file `<key qpos=… qvel=… ctrl=…/>` with the state to start from, not a keyframe."
+    )
+    initial_positions: dict[str, float] = Field(
+        {}, description="Where hinge and slide joints start [rad, m], by name; laid over the keyframe or the file."
+    )
+    hold_initial_pose: bool = Field(
+        True,
+        description="Whether position actuators start with the initial pose as their target where neither a keyframe "
+        "nor a file says their controls; false leaves MuJoCo's zeros.",
+    )
     seed: int = Field(0, ge=0, description="Seed of all random numbers.")
     clock_rate: float = Field(
         100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time]."

@@ -93,7 +93,8 @@ ros_params: [no.yaml]
         "c.yaml:4:10: error: sim.speed: Input should be a number or 'max', not 'fast'\n"
         "    4 |   speed: fast\n"
         "      |          ^\n"
-        "c.yaml:5:3: error: sim.sped: unknown key; known: clock_rate, keyframe, on_divergence, paused, seed, speed\n"
+        "c.yaml:5:3: error: sim.sped: unknown key; known: clock_rate, hold_initial_pose, initial_positions, keyframe, "
+        "on_divergence, paused, seed, speed, start_position_file\n"
         "    5 |   sped: 2\n"
         "      |   ^ did you mean 'speed'?\n"
         "c.yaml:6:11: error: sim.paused: Input should be true or false, not 'true'\n"
@@ -297,7 +298,8 @@ def test_wrong_options_say_which_they_are(config):
         "environment MJPLUG_SIM__PAUSED: error: sim.paused: Input should be true or false, not 'maybe'",
         "--set sim.seed='2': error: sim.seed: Input should be a whole number, not '2'; leave out the quotes",
         "--set sim.sped=2: error: sim.sped: unknown key; "
-        "known: clock_rate, keyframe, on_divergence, paused, seed, speed; did you mean 'speed'?",
+        "known: clock_rate, hold_initial_pose, initial_positions, keyframe, on_divergence, paused, seed, speed, "
+        "start_position_file; did you mean 'speed'?",
         "--set plugins.heartbat.rate=1: error: plugins.heartbat.type: required, but not given; "
         "did you mean 'heartbeat'?",
     ]
@@ -395,7 +397,8 @@ plugins:
     with pytest.raises(MjplugError) as all_of_it:
         draft.finish(problems)
     assert str(all_of_it.value) == (
-        "c.yaml:2:7: error: sim.sped: unknown key; known: clock_rate, keyframe, on_divergence, paused, seed, speed\n"
+        "c.yaml:2:7: error: sim.sped: unknown key; known: clock_rate, hold_initial_pose, initial_positions, keyframe, "
+        "on_divergence, paused, seed, speed, start_position_file\n"
         "    2 | sim: {sped: 1}\n"
         "      |       ^ did you mean 'speed'?\n"
         "c.yaml:4:3: error: plugins.cam.body: required, but not given\n"

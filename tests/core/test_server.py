@@ -48,9 +48,13 @@ def serve(model, *plugins, **settings):
 
 def test_the_server_offers_its_services_under_its_own_name(arm_model):
     _, transport = serve(arm_model)
-    names = ("set_pause", "step_simulation", "reset_world", "set_free_joint_state")
-    assert transport.services == {f"/mjplug/{name}" for name in names}
-    assert set(transport.publishers) == {"/clock", "/mjplug/epoch"}
+    control = {"set_pause", "step_simulation", "reset_world", "set_free_joint_state"}
+    parameters = {
+        "describe_parameters", "get_parameter_types", "get_parameters", "list_parameters", "set_parameters",
+        "set_parameters_atomically",
+    }  # fmt: skip
+    assert transport.services == {f"/mjplug/{name}" for name in control | parameters}
+    assert set(transport.publishers) == {"/clock", "/diagnostics", "/mjplug/epoch"}
 
 
 def test_namespace_node_name_and_remapping_shape_every_name(arm_model):
