@@ -18,7 +18,15 @@ from mjplug.diagnosis import Diagnostics
 from mjplug.errors import MjplugError, PluginError
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.selection import Selected
-from mjplug.services import clock, reset_world, set_free_joint_state, set_pause, step_simulation
+from mjplug.services import (
+    clock,
+    diagnostics,
+    parameters,
+    reset_world,
+    set_free_joint_state,
+    set_pause,
+    step_simulation,
+)
 from mjplug.transport import Transport
 from mjplug.work import Workers
 from mjplug_schemas.names import resolve
@@ -68,6 +76,8 @@ class Server:
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         clock.offer(host, self.loop, sim.clock_rate)
+        parameters.offer(host, self.loop, settings)
+        diagnostics.offer(host, self.loop, self.diagnostics, f"{settings.namespace}/{settings.node_name}")
         try:
             for selected in plugins:
                 self._start(selected)

@@ -1,0 +1,42 @@
+"""A Python client of mjplug servers: topics and services by their ROS names, typed, on this machine or another.
+
+It needs Zenoh and `mjplug_schemas`, and imports neither MuJoCo nor numpy:
+
+    from mjplug.client import connect
+
+    with connect() as client:
+        print(client.call("~/set_pause", paused=False).message)
+        for clock in client.subscribe("/clock"):
+            print(clock.clock.sec)
+"""
+
+from mjplug.client.client import Client
+from mjplug.client.connection import DEFAULT_ENDPOINT, connect
+from mjplug.client.errors import (
+    ClientError,
+    NoServerError,
+    RequestRefused,
+    TimedOutError,
+    UnknownNameError,
+    WrongTypeError,
+)
+from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.client.publisher import Publisher
+from mjplug.client.subscription import Subscription
+
+__all__ = [
+    "DEFAULT_ENDPOINT",
+    "Client",
+    "ClientError",
+    "NoServerError",
+    "Publisher",
+    "RequestRefused",
+    "ServerInfo",
+    "ServiceInfo",
+    "Subscription",
+    "TimedOutError",
+    "TopicInfo",
+    "UnknownNameError",
+    "WrongTypeError",
+    "connect",
+]

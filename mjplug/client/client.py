@@ -1,0 +1,205 @@
+"""A connection to the servers of one network."""
+
+import atexit
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, TypeVar, overload
+
+import zenoh
+
+from mjplug.client import listing, request
+from mjplug.client.errors import ClientError, NoServerError, TimedOutError, UnknownNameError, WrongTypeError
+from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.client.parameters import read as read_parameters
+from mjplug.client.publisher import Publisher
+from mjplug.client.subscription import Subscription
+from mjplug.client.types import Fields, as_message, find, known, message_class
+from mjplug_schemas import names
+from mjplug_schemas.errors import NameRuleError
+from mjplug_schemas.message import Message
+
+M = TypeVar("M")
+
+_POLL = 0.05
+"""How often `wait_for` looks [s]."""
+
+
+class Client:
+    """Reads, writes and calls what the servers of one network offer. Thread-safe.
+
+    Names are ROS's: `/clock` is a full name, `clock` the same, `~/set_pause` is the server's: `/mjplug/set_pause`.
+    Every call looks at what there is now, so a client may be older than the topics it uses.
+
+    Attributes:
+        session: The Zenoh session, for what this class has no method for.
+        endpoint: Where it is connected.
+
+    Args:
+        session: An open session; the client closes it.
+        endpoint: As above.
+        server: The name of the server that `~` stands for; empty is the only one there is.
+    """
+
+    def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
+        self.session = session
+        self.endpoint = endpoint
+        self._server = server
+        self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
+        self._subscriptions: list[Subscription[Any]] = []
+        # Zenoh's threads may outlive a program that forgets to close.
+        atexit.register(self.close)
+
+    @overload
+    def subscribe(
+        self, name: str, type: None = None, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+    ) -> Subscription[Any]: ...
+
+    @overload
+    def subscribe(
+        self, name: str, type: str, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+    ) -> Subscription[Any]: ...
+
+    @overload
+    def subscribe(
+        self, name: str, type: type[M], callback: Callable[[M], None] | None = None, *, depth: int = 10
+    ) -> Subscription[M]: ...
+
+    def subscribe(
+        self, name: str, type: Any = None, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+    ) -> Subscription[Any]:
+        """Reads a topic. A latched topic gives its last messages at once.
+
+        Args:
+            name: The topic.
+            type: The class of its messages, or its name; None asks the server. `dict` gives nested dictionaries,
+                whatever the type is.
+            callback: Gets each message, on a thread of its own. Without it, iterate, or call `next` or `latest`.
+            depth: How many messages may wait to be taken; 1 is the newest only.
+
+        Raises:
+            UnknownNameError: No server has the topic, and no type is given.
+            WrongTypeError: The topic has another type, or one that this side has no class for.
+        """
+        full, topic, kind = self._choose(name, type)
+        subscription: Subscription[Any] = Subscription(full, kind, depth, callback)
+        key = f"{names.key(full)}/@json" if kind is dict else names.key(full)
+        subscription.open(self.session, key, topic.depth if topic is not None and topic.latched else 0)
+        self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
+        return subscription
+
+    def publisher(self, name: str, type: Any = None) -> Publisher[Any]:
+        """Prepares to write to a topic; it need not be one that anybody reads yet.
+
+        Args:
+            name: The topic.
+            type: The class of its messages, or its name; None asks the server.
+
+        Raises:
+            UnknownNameError: No server has the topic, and no type is given.
+            WrongTypeError: The topic has another type.
+        """
+        full, _, kind = self._choose(name, type)
+        if (full, kind) not in self._publishers:
+            self._publishers[full, kind] = Publisher(self.session, full, names.key(full), kind)
+        return self._publishers[full, kind]
+
+    def publish(self, name: str, message: Message | Fields, timeout: float = 5.0) -> None:
+        """Sends one message to a topic, once somebody reads it.
+
+        Args:
+            name: The topic.
+            message: The message, or nested dictionaries of its fields.
+            timeout: How long to wait for somebody who reads it [s].
+
+        Raises:
+            TimedOutError: Nobody reads it.
+            UnknownNameError: No server has the topic, and the message does not say its type either.
+            WrongTypeError: The message is not of the topic's type.
+        """
+        kind = type(message) if isinstance(message, Message) else known(self.topic(name).type) or dict
+        publisher = self.publisher(name, kind)
+        if not publisher.wait_for_subscriber(timeout):
+            raise TimedOutError(f"nobody reads {publisher.name}, even after {timeout:g} s")
+        publisher.publish(message)
+
+    def call(
+        self,
+        name: str,
+        message: Message | Fields | None = None,
+        *,
+        timeout: float | None = None,
+        check: bool = True,
+        **fields: Any,
+    ) -> Any:
+        """Calls a service and waits for its response.
+
+        Args:
+            name: The service.
+            message: The request, or nested dictionaries of its fields; what is left out has its initial value.
+            timeout: How long to wait [s]; None is as long as the request takes by its own terms, and 10 s more.
+            check: Whether a response whose `success` is false is an error.
+            **fields: The fields of the request, in place of `message`.
+
+        Raises:
+            RequestRefused: The service answered with an error or, with `check`, with `success` false.
+            TimedOutError: There was no answer in time.
+            UnknownNameError: No server offers the service.
+            WrongTypeError: The request is not of the service's type.
+        """
+        service = self.service(name)
+        kind = known(service.type)
+        given = fields if message is None else message
+        sent = given if kind is None else as_message(given, kind.Request)
+        patience = request.patience(sent, self._speed(service, sent)) if timeout is None else timeout
+        try:
+            response = request.send(self.session, service, sent, kind, patience)
+        except TimedOutError as error:
+            raise TimedOutError(f"{error}{self._excuse(service)}") from None
+        if check:
+            request.check(service, response)
+        return response
+
+    def close(self) -> None:
+        """Ends every subscription and leaves the network; a second call does nothing."""
+        atexit.unregister(self.close)
+        for subscription in self._subscriptions:
+            subscription.close()
+        if not self.session.is_closed():
+            self.session.close()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _choose(self, name: str, kind: Any) -> tuple[str, TopicInfo | None, Any]:
+        """Returns the full name of a topic, what servers say of it, and the class to use."""
+        full = self.resolve(name)
+        topics = self.topics()
+        topic = topics.get(full)
+        if kind is None:
+            topic = self._known("topic", full, topics)
+            try:
+                return full, topic, find(topic.type)
+            except WrongTypeError as error:
+                raise WrongTypeError(f"topic {full}: {error}; `dict` reads it all the same") from None
+        chosen = message_class(kind)
+        if topic is not None and chosen is not dict and topic.type != chosen.TYPE:
+            raise WrongTypeError(f"topic {full} is {topic.type}, not {chosen.TYPE}")
+        return full, topic, chosen
+
+    def _speed(self, service: ServiceInfo, sent: Any) -> float:
+        """Returns the speed of a service's server if the request takes simulated time."""
+        if request.simulated_time(sent) == 0.0:
+            return 1.0
+        speed = read_parameters(self.session, service.server).get("sim.speed")
+        return float(speed) if isinstance(speed, int | float) else 1.0
+
+    def _excuse(self, service: ServiceInfo) -> str:
+        if read_parameters(self.session, service.server).get("sim.paused") is True:
+            return "; the simulation is paused"
+        return ""

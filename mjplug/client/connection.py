@@ -1,0 +1,126 @@
+"""Gets a client onto a server's network, or says why it cannot."""
+
+import json
+import os
+import re
+import time
+from pathlib import Path
+
+import zenoh
+
+from mjplug.client.client import Client
+from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
+from mjplug.client.listing import server_names
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where a server listens unless it is told otherwise."""
+
+VARIABLE = "MJPLUG_CONNECT"
+"""The environment variable that names another endpoint."""
+
+_HANDSHAKE_MS = 1000
+"""How long to wait for an answer to Zenoh's handshake [ms]."""
+
+_RETRY = 0.1
+"""Pause between two attempts [s]."""
+
+_SOURCE_PLACE = re.compile(r" at /\S*?\.rs:\d+\.?")
+
+
+def connect(
+    endpoint: str | None = None,
+    *,
+    server: str = "",
+    timeout: float = 5.0,
+    config: str | Path | None = None,
+) -> Client:
+    """Connects to the network of a server, and waits until a server is there.
+
+    Args:
+        endpoint: Where a server or a Zenoh router listens; by default what the environment variable MJPLUG_CONNECT
+            says, else `tcp/127.0.0.1:7447`.
+        server: The full name of the server to talk to, such as `/robot1/mjplug`; needed only where several are, and
+            only for names with `~`.
+        timeout: How long to wait for a server [s]; 0 is one attempt.
+        config: A Zenoh configuration file, for TLS, passwords and so on.
+
+    Returns:
+        The client; close it, or use it in a `with` statement.
+
+    Raises:
+        NoServerError: Nobody is there.
+        UnknownNameError: There are servers, but none of this name.
+    """
+    chosen = endpoint or os.environ.get(VARIABLE) or DEFAULT_ENDPOINT
+    until = time.monotonic() + timeout
+    settings = _settings(chosen, config)
+    session = _open(settings, chosen, until)
+    try:
+        _wait_for_server(session, chosen, server, until)
+        return Client(session, chosen, server)
+    except BaseException:
+        # An open session would keep the process from ending.
+        session.close()  # type: ignore[no-untyped-call]
+        raise
+
+
+def _open(settings: zenoh.Config, endpoint: str, until: float) -> zenoh.Session:
+    while True:
+        try:
+            return zenoh.open(settings)
+        except zenoh.ZError as error:
+            if time.monotonic() >= until:
+                raise NoServerError(_way_out(endpoint, error)) from None
+        time.sleep(_RETRY)
+
+
+def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, until: float) -> None:
+    while True:
+        names = server_names(session)
+        if server in names or (names and not server):
+            return
+        if time.monotonic() >= until:
+            break
+        time.sleep(_RETRY)
+    if names:
+        raise UnknownNameError("server", server, names)
+    raise NoServerError(
+        f"Zenoh answers at {endpoint}, but no mjplug server is on its network; "
+        "start one there: mjplug serve bundled:box"
+    )
+
+
+def _settings(endpoint: str, file: str | Path | None) -> zenoh.Config:
+    try:
+        config = zenoh.Config.from_file(file) if file is not None else zenoh.Config()
+    except zenoh.ZError as error:
+        raise ClientError(f"cannot use the Zenoh configuration file {file}: {_plain(error)}") from None
+    try:
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    except zenoh.ZError:
+        raise NoServerError(
+            f"{endpoint!r} is no Zenoh endpoint; write it as protocol/host:port, such as {DEFAULT_ENDPOINT}"
+        ) from None
+    for key, value in (
+        ("mode", "client"),
+        ("scouting/multicast/enabled", False),
+        ("connect/timeout_ms", _HANDSHAKE_MS),
+        ("transport/unicast/open_timeout", _HANDSHAKE_MS),
+    ):
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def _way_out(endpoint: str, error: zenoh.ZError) -> str:
+    at_home = "127.0.0.1" in endpoint or "localhost" in endpoint
+    port = endpoint.rpartition(":")[2]
+    start = "mjplug serve bundled:box" + ("" if endpoint == DEFAULT_ENDPOINT else f" --listen {endpoint}")
+    far = f"start one there that lets others in (--listen tcp/0.0.0.0:{port}), or"
+    return (
+        f"no mjplug server at {endpoint}; {f'start one ({start}), or' if at_home else far} "
+        f"give the endpoint that its `ready` line shows (--connect, {VARIABLE}, or connect(endpoint))"
+    )
+
+
+def _plain(error: zenoh.ZError) -> str:
+    return _SOURCE_PLACE.sub("", str(error)).strip()

@@ -1,0 +1,168 @@
+"""What servers offer, as their `interfaces` queryables tell it."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import zenoh
+
+from mjplug.client.errors import ClientError, NoServerError
+from mjplug.wire.identity import TOKENS
+
+_PATIENCE = 2.0
+"""How long to wait for a server's list [s]; it takes a millisecond, and a slow network somewhat longer."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicInfo:
+    """A topic, and who of the servers is at its ends.
+
+    Attributes:
+        name: Its full name, such as `/clock`.
+        type: The name of its type, such as `rosgraph_msgs/msg/Clock`.
+        hash: The RIHS01 hash of the type.
+        key: Its Zenoh key for CDR.
+        json_key: Its Zenoh key for JSON.
+        reliability: `reliable` or `best_effort`.
+        durability: `volatile`, or `transient_local` for a latched topic.
+        depth: How many messages are kept for a slow or late subscriber.
+        publishers: The servers that publish it.
+        subscribers: The servers that read it.
+    """
+
+    name: str
+    type: str
+    hash: str
+    key: str
+    json_key: str
+    reliability: str
+    durability: str
+    depth: int
+    publishers: tuple[str, ...]
+    subscribers: tuple[str, ...]
+
+    @property
+    def latched(self) -> bool:
+        """Whether those who subscribe late still get the last messages."""
+        return self.durability == "transient_local"
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceInfo:
+    """A service.
+
+    Attributes:
+        name: Its full name, such as `/mjplug/set_pause`.
+        type: The name of its type.
+        hash: The RIHS01 hash of the type.
+        key: Its Zenoh key.
+        server: The server that offers it.
+    """
+
+    name: str
+    type: str
+    hash: str
+    key: str
+    server: str
+
+
+@dataclass(frozen=True, slots=True)
+class ServerInfo:
+    """A server and what it offers.
+
+    Attributes:
+        name: Its full name, such as `/mjplug`.
+        version: Its version of mjplug.
+        endpoint: Where clients on its machine connect.
+        topics: Its topics by name.
+        services: Its services by name.
+    """
+
+    name: str
+    version: str
+    endpoint: str
+    topics: dict[str, TopicInfo]
+    services: dict[str, ServiceInfo]
+
+
+def server_names(session: zenoh.Session, timeout: float = _PATIENCE) -> tuple[str, ...]:
+    """Returns the full names of all servers on the network, in alphabetical order."""
+    names = set()
+    for reply in session.liveliness().get(f"{TOKENS}/**", timeout=timeout):
+        if reply.ok is not None:
+            # @mjplug/<namespace>/<node name>/<Zenoh id>
+            names.add("/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1]))
+    return tuple(sorted(names))
+
+
+def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, Any]:
+    """Returns a server's own words about what it offers.
+
+    Args:
+        session: A session on its network.
+        name: The server's full name.
+        schema: Whether the definition and JSON Schema of each type should be there, under `types`.
+
+    Raises:
+        NoServerError: It does not answer.
+    """
+    selector = f"{name.removeprefix('/')}/interfaces{'?schema=true' if schema else ''}"
+    for reply in session.get(selector, timeout=_PATIENCE):
+        if reply.ok is not None:
+            told: dict[str, Any] = json.loads(reply.ok.payload.to_bytes())
+            return told
+        assert reply.err is not None
+        raise ClientError(f"server {name} cannot tell what it offers: {reply.err.payload.to_string()}")
+    raise NoServerError(f"server {name} does not answer; it may just have stopped")
+
+
+def parse(told: dict[str, Any]) -> ServerInfo:
+    """Returns what a server told about itself."""
+    name = told["name"]
+    topics: dict[str, TopicInfo] = {}
+    for entry in told["topics"]:
+        qos = entry["qos"]
+        topic = TopicInfo(
+            name=entry["name"],
+            type=entry["type"],
+            hash=entry["hash"],
+            key=entry["key"],
+            json_key=entry["json_key"],
+            reliability=qos["reliability"],
+            durability=qos["durability"],
+            depth=qos["depth"],
+            publishers=(name,) if entry["direction"] == "published" else (),
+            subscribers=(name,) if entry["direction"] == "subscribed" else (),
+        )
+        topics[topic.name] = _joined(topics.get(topic.name), topic)
+    services = (
+        ServiceInfo(**{f: e[f] for f in ("name", "type", "hash", "key")}, server=name) for e in told["services"]
+    )
+    return ServerInfo(name, told["version"], told["endpoint"], topics, {service.name: service for service in services})
+
+
+def all_topics(servers: Iterable[ServerInfo]) -> dict[str, TopicInfo]:
+    """Returns the topics of several servers by name, in alphabetical order."""
+    found: dict[str, TopicInfo] = {}
+    for server in servers:
+        for name, topic in server.topics.items():
+            found[name] = _joined(found.get(name), topic)
+    return dict(sorted(found.items()))
+
+
+def all_services(servers: Iterable[ServerInfo]) -> dict[str, ServiceInfo]:
+    """Returns the services of several servers by name, in alphabetical order."""
+    return dict(sorted((name, service) for server in servers for name, service in server.services.items()))
+
+
+def _joined(first: TopicInfo | None, second: TopicInfo) -> TopicInfo:
+    """Returns one topic for two entries of its name; a publisher's quality of service is the topic's."""
+    if first is None:
+        return second
+    main, other = (second, first) if second.publishers and not first.publishers else (first, second)
+    return replace(
+        main,
+        publishers=tuple(dict.fromkeys((*main.publishers, *other.publishers))),
+        subscribers=tuple(dict.fromkeys((*main.subscribers, *other.subscribers))),
+    )

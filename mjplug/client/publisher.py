@@ -1,0 +1,92 @@
+"""A topic that is written to."""
+
+import threading
+from typing import Any, Generic, TypeVar, cast
+
+import zenoh
+from zenoh.handlers import Callback
+
+from mjplug.client.types import as_message, to_json
+from mjplug.wire.encoding import encoding_of
+
+M = TypeVar("M")
+
+
+class Publisher(Generic[M]):
+    """Writes messages to one topic. Thread-safe.
+
+    Attributes:
+        name: The topic's full name.
+        type: The class of its messages; `dict` for nested dictionaries, which go out as JSON.
+
+    Args:
+        session: The session.
+        name: As above.
+        key: The topic's key.
+        type: As above.
+    """
+
+    def __init__(self, session: zenoh.Session, name: str, key: str, type: type[M]) -> None:
+        self.name = name
+        self.type = type
+        # A variable of its own, which mypy does not narrow: dict is allowed too.
+        self._class = cast(Any, type)
+        json = type is dict
+        self._publisher = session.declare_publisher(
+            key,
+            encoding=zenoh.Encoding.APPLICATION_JSON if json else encoding_of("cdr", self._class),
+            # Commands are few, and each of them counts.
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            reliability=zenoh.Reliability.RELIABLE,
+        )
+        self._matched = threading.Event()
+        self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
+
+    @property
+    def matched(self) -> bool:
+        """Whether anybody reads the topic."""
+        return self._matched.is_set()
+
+    def wait_for_subscriber(self, timeout: float | None = None) -> bool:
+        """Waits until somebody reads the topic.
+
+        Args:
+            timeout: How long to wait [s]; None is for ever.
+
+        Returns:
+            Whether somebody does.
+        """
+        return self._matched.wait(timeout)
+
+    def publish(self, message: "M | dict[str, Any]") -> None:
+        """Sends a message.
+
+        Args:
+            message: The message, or nested dictionaries of its fields; what is left out has its initial value.
+
+        Raises:
+            WrongTypeError: It does not fit the topic's type.
+        """
+        if self._class is dict:
+            self._publisher.put(to_json(message))
+        else:
+            self._publisher.put(as_message(message, self._class).to_cdr())
+
+    def close(self) -> None:
+        """Stops publishing; a second call does nothing."""
+        publisher, self._publisher = self._publisher, None  # type: ignore[assignment]
+        if publisher is not None:
+            # zenoh's stubs leave the return type open.
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+
+    def __enter__(self) -> "Publisher[M]":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _changed(self, status: zenoh.MatchingStatus) -> None:
+        if status.matching:
+            self._matched.set()
+        else:
+            self._matched.clear()

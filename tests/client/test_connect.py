@@ -1,0 +1,131 @@
+"""Getting onto a network, or hearing why not."""
+
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+import zenoh
+from cli.process import Served, environment
+
+from mjplug.client import ClientError, NoServerError, UnknownNameError, connect
+from mjplug.wire.endpoints import on_free_port
+
+ENDS = 20.0
+
+
+@pytest.fixture
+def closed_port():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        yield taken.getsockname()[1]
+
+
+def test_a_client_imports_neither_mujoco_nor_numpy_nor_any_other_heavy_thing(tmp_path):
+    code = "import sys, mjplug.client; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    imported = set(done.stdout.split())
+    assert "mjplug.client.client" in imported
+    heavy = {"mujoco", "cv2", "numpy", "typer", "rich", "yaml", "mjplug.core", "mjplug.server", "mjplug.plugin"}
+    assert not imported & heavy
+
+
+def test_nobody_there_is_one_sentence_with_the_way_out(closed_port):
+    endpoint = f"tcp/127.0.0.1:{closed_port}"
+    with pytest.raises(NoServerError) as error:
+        connect(endpoint, timeout=0.0)
+    assert str(error.value) == (
+        f"no mjplug server at {endpoint}; start one (mjplug serve bundled:box --listen {endpoint}), or give the "
+        "endpoint that its `ready` line shows (--connect, MJPLUG_CONNECT, or connect(endpoint))"
+    )
+
+
+def test_waiting_for_a_server_ends_when_the_time_is_over(closed_port):
+    began = time.monotonic()
+    with pytest.raises(NoServerError):
+        connect(f"tcp/127.0.0.1:{closed_port}", timeout=0.3)
+    assert 0.3 <= time.monotonic() - began < 5.0
+
+
+def test_what_is_no_endpoint_is_shown_how_to_write_one():
+    with pytest.raises(NoServerError, match=r"'127\.0\.0\.1:7447' is no Zenoh endpoint; .*tcp/127\.0\.0\.1:7447"):
+        connect("127.0.0.1:7447", timeout=0.0)
+    with pytest.raises(ClientError, match=r"cannot use the Zenoh configuration file /no/such\.json5"):
+        connect(config="/no/such.json5", timeout=0.0)
+
+
+def test_a_router_without_a_server_is_told_from_no_router():
+    endpoint = on_free_port("tcp/127.0.0.1:0")
+    config = zenoh.Config()
+    for key, value in {
+        "mode": '"router"',
+        "listen/endpoints": f'["{endpoint}"]',
+        "scouting/multicast/enabled": "false",
+    }.items():
+        config.insert_json5(key, value)
+    with zenoh.open(config), pytest.raises(NoServerError, match=r"Zenoh answers at .*, but no mjplug server is on"):
+        connect(endpoint, timeout=0.0)
+
+
+def test_a_client_may_start_before_its_server(tmp_path):
+    endpoint = on_free_port("tcp/127.0.0.1:0")
+    script = (
+        "from mjplug.client import connect\n"
+        f"with connect({endpoint!r}, timeout=30.0) as client:\n"
+        "    client.wait_for('~/set_pause')\n"
+        "    print(client.call('~/set_pause', paused=True).message)\n"
+    )
+    waiting = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=tmp_path, env=environment(), stdout=subprocess.PIPE, text=True
+    )
+    server = Served("bundled:box", cwd=tmp_path, listen=("--listen", endpoint))
+    try:
+        assert waiting.communicate(timeout=ENDS)[0] == "the simulation is now paused\n"
+    finally:
+        waiting.kill()
+        server.kill()
+
+
+def test_a_program_that_forgets_to_close_still_ends(server, tmp_path):
+    script = (
+        "import threading\n"
+        "from mjplug.client import connect\n"
+        f"client = connect({server.endpoint!r})\n"
+        "seen = threading.Event()\n"
+        "client.subscribe('/clock', callback=lambda message: seen.set())\n"
+        "assert seen.wait(10.0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment(), timeout=ENDS, check=False)
+    assert done.returncode == 0
+
+
+def test_the_environment_names_the_endpoint_unless_the_program_does(server, monkeypatch):
+    monkeypatch.setenv("MJPLUG_CONNECT", server.endpoint)
+    with connect() as client:
+        assert client.endpoint == server.endpoint
+        assert client.nodes() == ["/mjplug"]
+        assert client.server.name == "/mjplug"
+        assert client.server.endpoint == server.endpoint
+
+
+def test_the_tilde_needs_a_choice_where_several_servers_are(server, tmp_path):
+    second = Served(
+        "bundled:box", "--paused", "--set", "namespace=robot2", "--connect", server.endpoint, cwd=tmp_path
+    )  # fmt: skip
+    try:
+        with connect(server.endpoint) as client:
+            assert client.nodes() == ["/mjplug", "/robot2/mjplug"]
+            assert client.topic("/clock").publishers == ("/mjplug", "/robot2/mjplug")
+            with pytest.raises(ClientError, match=r"there are several servers: /mjplug, /robot2/mjplug; choose one"):
+                client.call("~/set_pause", paused=True)
+            assert client.call("/robot2/mjplug/set_pause", paused=True).message.endswith("already paused")
+        with connect(server.endpoint, server="/robot2/mjplug") as client:
+            assert client.resolve("~/epoch") == "/robot2/mjplug/epoch"
+            assert client.call("~/step_simulation", steps=2).success
+        with pytest.raises(UnknownNameError, match=r"unknown server '/robot3/mjplug', did you mean '/robot2/mjplug'"):
+            connect(server.endpoint, server="/robot3/mjplug", timeout=0.0)
+    finally:
+        assert second.stop() == 0
