@@ -1,37 +1,55 @@
-"""The tree of commands, and what ends the process with which code."""
+"""The tree of commands."""
 
 import sys
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
+from mjplug.cli.completion import EPILOG as COMPLETION_EPILOG
+from mjplug.cli.completion import completion, prepare
+from mjplug.cli.config import app as config_app
+from mjplug.cli.doctor.command import doctor
+from mjplug.cli.examples import examples
+from mjplug.cli.interface import app as interface_app
+from mjplug.cli.model import app as model_app
 from mjplug.cli.plugin import app as plugin_app
 from mjplug.cli.serve import serve
-from mjplug.errors import ConfigError, MjplugError, ModelError, WireError
-
-EXIT_CODES: tuple[tuple[type[MjplugError], int], ...] = (
-    (ConfigError, 3),
-    (ModelError, 4),
-    (WireError, 5),
-    (MjplugError, 1),
-)
-"""Exit codes by error, the most specific first; 0 is success, 2 a usage error."""
+from mjplug.cli.service import app as service_app
+from mjplug.cli.sim import app as sim_app
+from mjplug.cli.topic import app as topic_app
+from mjplug.errors import ConfigError, MjplugError
 
 app = typer.Typer(
     name="mjplug",
     help="A MuJoCo simulation server that speaks Zenoh: ROS 2 topics and services, without ROS.",
-    epilog="Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network.",
+    epilog="\b\nExit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,\n"
+    "6 timeout, 7 refused by the server, 130 Ctrl-C.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
+    # Rich would take longer to import than everything else together.
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
+    # `mjplug completion` does it.
+    add_completion=False,
 )
-app.command()(serve)
-app.add_typer(plugin_app)
+app.command(
+    epilog=examples(
+        "mjplug serve config.yaml",
+        "mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench",
+        "mjplug serve ros_params.yaml --model scene.xml --speed max --duration 10",
+        "mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)",
+    )
+)(serve)
+for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app):
+    app.add_typer(group)
+app.command()(doctor)
+app.command(epilog=COMPLETION_EPILOG)(completion)
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         typer.echo(f"mjplug {version('mjplug')}")
         raise typer.Exit
 
@@ -47,11 +65,15 @@ def _root(
 
 def main() -> None:
     """Runs the command line; an error that mjplug raises on purpose is printed without a traceback."""
+    prepare()
     try:
-        app()
+        # Under its own name also as `python -m mjplug`.
+        app(prog_name="mjplug")
     except MjplugError as error:
+        from mjplug.cli.exit_codes import exit_code
+
         print(_text(error), file=sys.stderr)
-        sys.exit(next(code for kind, code in EXIT_CODES if isinstance(error, kind)))
+        sys.exit(exit_code(error))
 
 
 def _text(error: MjplugError) -> str:

@@ -1,65 +1,71 @@
 """`mjplug plugin`: which plugins there are, and what each takes."""
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from mjplug.cli.engine import import_mujoco
+from mjplug.cli.examples import examples
+from mjplug.cli.names import complete_plugin
+from mjplug.cli.output import say
 
-app = typer.Typer(name="plugin", help="Shows the plugins that are installed.", no_args_is_help=True)
+app = typer.Typer(
+    name="plugin", help="Shows the plugins that are installed, and begins new ones.", no_args_is_help=True
+)
 
 
 @app.command("list")
 def list_plugins() -> None:
-    """Lists every installed plugin: its names, and its first line of documentation."""
+    """Lists every installed plugin with its names and what it does."""
     import_mujoco()
     from mjplug.plugin import PluginError, registry
 
     names: dict[str, list[str]] = {}
     for name, point in registry.registered().items():
         names.setdefault(point.value, []).append(name)
+    rows = []
     for target, known_as in names.items():
         short, *aliases = sorted(known_as, key=lambda name: ("/" in name, name))
         try:
             summary = (registry.find(short).__doc__ or "(not documented)").strip().splitlines()[0]
         except PluginError as error:
             summary = f"(broken) {error}"
-        typer.echo(f"{short:<18} {summary}")
-        typer.echo(f"{'':<18} {target}" + "".join(f", also {alias}" for alias in aliases))
+        rows.append((short, summary, target + "".join(f", also {alias}" for alias in aliases)))
+    width = max((len(short) for short, _, _ in rows), default=0)
+    for short, summary, target in rows:
+        say(f"{short:<{width}}  {summary}")
+        say(f"{'':<{width}}  {target}")
 
 
 @app.command("info")
 def info(
-    type: Annotated[str, typer.Argument(help="A name from `mjplug plugin list`, or module:Class.", metavar="TYPE")],
+    type: Annotated[
+        str,
+        typer.Argument(
+            help="A name from `mjplug plugin list`, or module:Class.", metavar="TYPE", autocompletion=complete_plugin
+        ),
+    ],
 ) -> None:
     """Shows what a plugin does and its parameters with types, defaults and units."""
     import_mujoco()
+    from mjplug.cli.plugin_page import page
     from mjplug.plugin import registry
 
-    plugin = registry.find(type)
-    typer.echo(f"{plugin.__name__} ({plugin.__module__})\n")
-    typer.echo(_dedent(plugin.__doc__ or ""))
-    fields = plugin.parameters_type.model_fields
-    typer.echo("\nParameters:" if fields else "\nNo parameters.")
-    for name, field in fields.items():
-        default = "required" if field.is_required() else f"default {_yaml(field.default)}"
-        typer.echo(f"  {name} ({_type_name(field.annotation)}, {default})")
-        typer.echo(f"      {field.description or ''}")
-    instance = type.split("/")[-1].split(":")[-1].lower()
-    typer.echo(f"\nIn a configuration file:\n\n  plugins:\n    {instance}:\n      type: {type}")
-    for name, field in fields.items():
-        typer.echo(f"      {name}: {'...' if field.is_required() else _yaml(field.default)}")
+    for line in page(type, registry.find(type)):
+        say(line)
 
 
-def _dedent(text: str) -> str:
-    return "\n".join(line.strip() for line in text.strip().splitlines())
+@app.command("new", epilog=examples("mjplug plugin new lamp", "pip install ./lamp[test] && pytest lamp"))
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as lamp: small letters, digits and _.")],
+    into: Annotated[Path, typer.Option("--into", metavar="FOLDER", help="Where to make its folder.")] = Path(),
+) -> None:
+    """Writes a package with a plugin to begin with, and its test."""
+    from mjplug.cli.plugin_new import write
 
-
-def _type_name(annotation: Any) -> str:
-    return annotation.__name__ if isinstance(annotation, type) else str(annotation).replace("typing.", "")
-
-
-def _yaml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    folder = write(name, into)
+    say(f"wrote {folder}; try it:")
+    say(f"  pip install -e '{folder}[test]'")
+    say(f"  pytest {folder}")
+    say(f"  mjplug serve bundled:box --plugin {name}")

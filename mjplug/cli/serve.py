@@ -16,7 +16,7 @@ from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
     from mjplug.config.draft import Draft
-    from mjplug.config.settings import Settings, Sim
+    from mjplug.config.settings import Sim
     from mjplug.core.simulation import Simulation
 
 PATIENCE = 2.0
@@ -64,15 +64,6 @@ def serve(
     """Runs a model and puts it on Zenoh.
 
     Everything in CONFIG can be overridden: --set beats the environment (MJPLUG_SIM__SPEED=2), which beats the file.
-
-    Examples:
-      mjplug serve config.yaml
-
-      mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench
-
-      mjplug serve ros_params.yaml --model scene.xml --speed max --duration 10
-
-      mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)
     """
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
@@ -97,6 +88,7 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     from mjplug.core.simulation import Simulation
     from mjplug.plugin.selection import select
     from mjplug.server import Server, stopping_on_signals
+    from mjplug.starting_pose import take_starting_pose
 
     loaded, plugins = select(draft)
     settings = loaded.settings
@@ -109,6 +101,7 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         simulation = Simulation(model.model, settings.sim.keyframe)
     except UnknownName as error:
         raise ConfigError([loaded.problem(("sim", "keyframe"), str(error))]) from error
+    take_starting_pose(simulation, loaded)
     if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
         _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
     names = ", ".join(p.name for p in plugins) or "none"
@@ -119,27 +112,33 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers()).cleanup()
         typer.echo(f"ok · {summary}")
         return
+    from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
     from mjplug.wire.session import SessionSettings
+    from mjplug.worker.workers import ProcessWorkers
 
     zenoh = settings.zenoh
     wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
     ros2 = None
     if settings.ros2.enabled:
-        ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro, _ros_parameters(settings))
+        ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro)
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
+    workers = ProcessWorkers(wanted, network.session.endpoints)
     try:
-        server = Server(settings, simulation, network, plugins, OfflineWorkers())
+        server = Server(settings, simulation, network, plugins, workers)
     except BaseException:
+        workers.close()
         network.close("the server could not start")
         raise
+    server.diagnostics.add("wire", WireHealth(network).diagnose)
     with stopping_on_signals(server.loop):
         try:
             typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")
             server.run(duration)
         finally:
             # Inside, so that a repeated signal cannot cut the last answers off.
+            workers.close()
             network.close("the server is stopping")
     _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
 
@@ -148,13 +147,6 @@ def _state(sim: "Sim") -> str:
     if sim.paused:
         return "paused"
     return "speed max" if sim.speed == "max" else f"speed {sim.speed:g}"
-
-
-def _ros_parameters(settings: "Settings") -> dict[str, bool | int | float | str]:
-    """What does not change while the server runs."""
-    parameters: dict[str, bool | int | float | str] = {"use_sim_time": True, "model": settings.model}
-    parameters.update({f"sim.{name}": value for name, value in settings.sim.model_dump(exclude={"paused"}).items()})
-    return parameters
 
 
 def _plugins(wanted: list[str]) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 from cli.attack import effects
 from cli.client import Client
 from cli.process import Served, run
+from cli.tour import Tour
 
 WORLD = Path(__file__).parent / "world"
 
@@ -118,3 +119,19 @@ def target(attacked):
         pass
     assert attacked.client.do("mjplug/set_pause", paused=True) == "the simulation is now paused"
     assert attacked.client.do("mjplug/set_pause", paused=False) == "the simulation is now running"
+
+
+@pytest.fixture(scope="session")
+def touring(tmp_path_factory):
+    tour = Tour(tmp_path_factory.mktemp("tour"))
+    yield tour
+    assert tour.server.stop() == 0
+    assert "Traceback" not in tour.server.err.text
+
+
+@pytest.fixture
+def tour(touring):
+    """Somebody who types commands at a server that runs in real time, and leaves it so."""
+    yield touring
+    for words in (("resume",), ("speed", "1"), ("reset",)):
+        touring.ask("sim", *words)

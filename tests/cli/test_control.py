@@ -147,9 +147,16 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
         "mjplug/set_free_joint_state": "mujoco_ros2_control_msgs/srv/SetFreeJointState",
         "external_wrench/apply_wrench": "mujoco_ros2_control_msgs/srv/ApplyExternalWrench",
         "probe/state": "std_srvs/srv/Trigger",
+        "mjplug/describe_parameters": "rcl_interfaces/srv/DescribeParameters",
+        "mjplug/get_parameter_types": "rcl_interfaces/srv/GetParameterTypes",
+        "mjplug/get_parameters": "rcl_interfaces/srv/GetParameters",
+        "mjplug/list_parameters": "rcl_interfaces/srv/ListParameters",
+        "mjplug/set_parameters": "rcl_interfaces/srv/SetParameters",
+        "mjplug/set_parameters_atomically": "rcl_interfaces/srv/SetParametersAtomically",
     }
     assert {(t["key"], t["json_key"], t["direction"]): t["type"] for t in listing["topics"]} == {
         ("clock", "clock/@json", "published"): "rosgraph_msgs/msg/Clock",
+        ("diagnostics", "diagnostics/@json", "published"): "diagnostic_msgs/msg/DiagnosticArray",
         ("mjplug/epoch", "mjplug/epoch/@json", "published"): "std_msgs/msg/UInt64",
         ("external_wrench/wrench_markers", "external_wrench/wrench_markers/@json", "published"):
             "visualization_msgs/msg/MarkerArray",
@@ -165,6 +172,27 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
     assert qos["clock"] == {"depth": 1, "reliability": "best_effort", "durability": "volatile"}
     assert qos["mjplug/epoch"] == {"depth": 1, "reliability": "reliable", "durability": "transient_local"}
     assert qos["mujoco_heartbeat"] == {"depth": 10, "reliability": "reliable", "durability": "volatile"}
+
+
+def test_diagnostics_come_while_paused_and_tell_of_steps_and_resets(world):
+    listener = world.client.listen("diagnostics/@json")
+
+    def figures(message):
+        return {status["name"]: {v["key"]: v["value"] for v in status["values"]} for status in message["status"]}
+
+    before = figures(listener.next())
+    assert {"mjplug: simulation", "mjplug: wire"} <= before.keys()
+    assert before["mjplug: wire"]["endpoint"] == world.server.endpoint
+    assert before["mjplug: simulation"]["state"] == "paused"
+    world.client.do("mjplug/step_simulation", steps=150)
+    world.client.do("mjplug/reset_world")
+    steps, resets = (int(before["mjplug: simulation"][key]) for key in ("steps", "resets"))
+    expected = {"steps": str(steps + 150), "resets": str(resets + 1), "state": "paused"}
+    message = listener.until(lambda message: expected.items() <= figures(message)["mjplug: simulation"].items())
+    stamp = message["header"]["stamp"]
+    time = stamp["sec"] + stamp["nanosec"] / 1e9
+    assert figures(message)["mjplug: simulation"]["simulated time (s)"] == f"{time:.6f}"
+    assert {status["hardware_id"] for status in message["status"]} == {"/mjplug"}
 
 
 def test_the_list_of_interfaces_has_definitions_and_schemas_on_request(world):

@@ -4,11 +4,18 @@ import sys
 import textwrap
 from importlib.metadata import version
 
+import pytest
+
 
 def test_help_names_the_commands_and_the_exit_codes(cli):
     shown = cli("--help")
     assert shown.returncode == 0
-    for text in ("serve", "plugin", "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network."):
+    for text in (
+        "serve",
+        "plugin",
+        "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,",
+        "6 timeout, 7 refused by the server, 130 Ctrl-C.",
+    ):
         assert text in shown.stdout
 
 
@@ -24,6 +31,19 @@ def test_help_of_serve_has_examples_and_every_option_and_imports_neither_mujoco_
     imported = {line.rpartition("|")[2].strip() for line in shown.stderr.splitlines() if line.startswith("import time")}
     assert "mjplug.cli.app" in imported
     assert not imported & {"mujoco", "zenoh", "numpy", "cv2"}
+
+
+@pytest.mark.parametrize(
+    "words", [("--help",), ("topic", "--help"), ("topic", "echo", "--help"), ("service", "call", "-h")]
+)
+def test_help_imports_nothing_that_takes_time(cli, words):
+    shown = cli(*words, command=[sys.executable, "-X", "importtime", "-m", "mjplug"])
+    assert shown.returncode == 0
+    assert shown.stdout.startswith("Usage: ")
+    imported = {line.rpartition("|")[2].strip() for line in shown.stderr.splitlines() if line.startswith("import time")}
+    assert "mjplug.cli.app" in imported
+    heavy = {"mujoco", "zenoh", "numpy", "cv2", "rich.console", "yaml", "mjplug_schemas.message"}
+    assert not imported & heavy
 
 
 def test_the_version_is_that_of_the_package(cli):
@@ -44,7 +64,7 @@ def test_the_list_of_plugins_has_their_names_what_they_do_and_what_the_reference
 def test_the_page_of_a_plugin_has_its_parameters_with_type_default_and_unit(cli):
     shown = cli("plugin", "info", "mujoco_ros2_control_plugins/ExternalWrenchPlugin")
     assert shown.returncode == 0
-    assert "force_arrow_scale (float, default 0.01)\n      Arrow length per unit force [m/N]." in shown.stdout
+    assert "force_arrow_scale (number, default 0.01)\n      Arrow length per unit force [m/N]." in shown.stdout
     assert "type: mujoco_ros2_control_plugins/ExternalWrenchPlugin\n      force_arrow_scale: 0.01\n" in shown.stdout
 
 

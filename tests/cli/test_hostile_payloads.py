@@ -52,6 +52,10 @@ def test_garbage_from_ros_2_nodes_gets_a_response_that_says_so(target):
             # A node that gets an error reply waits for ever.
             assert answer.ok
             response = response_type.from_cdr(answer.payload)
+            if "success" not in response_type.model_fields:
+                # It has no words for a refusal: an empty response is the lesser evil.
+                assert response == response_type()
+                continue
             assert response.success is False
             assert 5 < len(response.message) < 5000
 
@@ -62,7 +66,8 @@ def test_queries_that_no_ros_2_node_would_send_are_refused(target):
         request = find(entry["type"]).Request.from_json(json.dumps(VALID.get(entry["key"], {}))).to_cdr()
         for attachment in attachments:
             answer = target.client.send(entry["ros2_key"], request[:-1] + b"\xff" * 10, None, attachment).answer()
-            assert not answer.ok or find(entry["type"]).Response.from_cdr(answer.payload).success is False
+            response = find(entry["type"]).Response.from_cdr(answer.payload) if answer.ok else None
+            assert getattr(response, "success", False) is False
 
 
 def test_garbage_of_ros_2_nodes_on_topics_is_dropped(target):

@@ -1,0 +1,42 @@
+"""`mjplug completion`: what makes the TAB key know commands, flags, and the names on a running server."""
+
+from typing import Annotated, Literal
+
+import typer
+
+from mjplug.cli.examples import examples
+from mjplug.cli.output import say
+
+_PROGRAM = "mjplug"
+VARIABLE = "_MJPLUG_COMPLETE"
+"""The environment variable by which the shell asks; typer's name for it."""
+
+
+def completion(
+    shell: Annotated[Literal["bash", "zsh", "fish"], typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
+) -> None:
+    """Prints a script that completes commands, flags and live names.
+
+    Load it in the file that the shell reads at its start.
+    """
+    # The same since typer has completion, though its module does not say so.
+    from typer.completion import get_completion_script  # type: ignore[attr-defined]
+
+    say(get_completion_script(prog_name=_PROGRAM, complete_var=VARIABLE, shell=shell))
+
+
+EPILOG = examples(
+    'eval "$(mjplug completion bash)"                                        (in ~/.bashrc)',
+    'eval "$(mjplug completion zsh)"                                         (in ~/.zshrc, after compinit)',
+    "mjplug completion fish > ~/.config/fish/completions/mjplug.fish",
+)
+
+
+def prepare() -> None:
+    """Lets typer answer a shell that asks."""
+    import os
+
+    if VARIABLE in os.environ:
+        from typer.completion import completion_init  # type: ignore[attr-defined]
+
+        completion_init()

@@ -1,0 +1,109 @@
+"""`mjplug config`: checks, shows and begins configuration files."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mjplug.cli.engine import import_mujoco
+from mjplug.cli.examples import examples
+from mjplug.cli.output import complain, say
+
+app = typer.Typer(name="config", help="Checks, shows and begins configuration files.", no_args_is_help=True)
+
+Config = Annotated[
+    str, typer.Argument(metavar="CONFIG", help="A configuration file, a ROS parameter file, or a model.")
+]
+Model = Annotated[str | None, typer.Option("--model", metavar="MODEL", help="The model, in place of the one in it.")]
+Sets = Annotated[
+    list[str] | None, typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, as for serve. Repeatable.")
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it there instead of standard output.")
+]
+
+
+@app.command()
+def check(config: Config, model: Model = None, set_: Sets = None) -> None:
+    """Checks a configuration with its model and plugins, as `serve --check` does."""
+    from mjplug.cli.serve import serve
+
+    serve(config, model=model, set_=set_, check=True)
+
+
+@app.command()
+def show(config: Config, model: Model = None, set_: Sets = None) -> None:
+    """Shows every setting that is in effect, and where it comes from.
+
+    What it prints is a configuration file itself.
+    """
+    import_mujoco()
+    from mjplug.cli.config_effective import effective
+    from mjplug.config.load import read
+    from mjplug.plugin.selection import select
+
+    loaded, plugins = select(read(config, model=model, sets=set_ or []))
+    for warning in loaded.warnings:
+        complain(str(warning))
+    for line in effective(loaded, plugins):
+        say(line)
+
+
+@app.command(epilog=examples("mjplug config schema -o mjplug.schema.json"))
+def schema(output: Output = None) -> None:
+    """Writes the JSON Schema of configuration files, installed plugins among them.
+
+    An editor with a YAML language server completes and checks a file whose first line is
+    `# yaml-language-server: $schema=./mjplug.schema.json`.
+    """
+    import_mujoco()
+    import json
+
+    from mjplug.cli.config_schema import config_schema
+
+    _write(json.dumps(config_schema(), indent=2), output)
+
+
+@app.command(epilog=examples("mjplug config init scene.xml -o robot.yaml"))
+def init(
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="The model to serve.")],
+    output: Output = None,
+) -> None:
+    """Writes a file to begin with: every setting with its meaning, and plugins that fit the model."""
+    import_mujoco()
+    from mjplug.cli.config_start import starting_file
+    from mjplug.core import process
+    from mjplug.core.model_file import load_model
+
+    process.tame_mujoco()
+    _write(starting_file(model, load_model(model).model), output)
+
+
+@app.command(epilog=examples("mjplug config convert ros_params.yaml --model scene.xml -o robot.yaml"))
+def convert(config: Config, model: Model = None, output: Output = None) -> None:
+    """Turns a ROS parameter file into a configuration file."""
+    import_mujoco()
+    from mjplug.cli.config_convert import converted
+    from mjplug.config.load import read
+    from mjplug.plugin.selection import select
+
+    draft = read(config, model=model, environ={})
+    loaded, _ = select(draft)
+    for warning in loaded.warnings:
+        complain(str(warning))
+    _write(converted(draft, loaded.settings), output)
+
+
+def _write(text: str, output: Path | None) -> None:
+    from mjplug.errors import MjplugError
+
+    if output is None:
+        say(text.rstrip("\n"))
+        return
+    if output.exists():
+        raise MjplugError(f"{output} is there already; remove it, or choose another name")
+    try:
+        output.write_text(f"{text.rstrip()}\n", encoding="utf-8")
+    except OSError as error:
+        raise MjplugError(f"cannot write {output}: {error.strerror or error}") from error
+    complain(f"wrote {output}")

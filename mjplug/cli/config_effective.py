@@ -1,0 +1,52 @@
+"""The configuration in effect, with where each value comes from."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from mjplug.cli.yaml_text import scalar
+from mjplug.config.document import KeyPath
+from mjplug.config.draft import Loaded
+from mjplug.plugin.selection import Selected
+
+_COLUMN = 40
+"""Where the origins stand, unless a line is longer."""
+
+
+def effective(loaded: Loaded, plugins: Sequence[Selected]) -> Iterator[str]:
+    """Yields the lines of a configuration file that says everything, each with its origin behind it."""
+    settings = loaded.settings
+    for name in type(settings).model_fields:
+        value = getattr(settings, name)
+        if name == "plugins":
+            yield "plugins:" if plugins else "plugins: {}"
+            for plugin in plugins:
+                yield from _plugin(loaded, plugin)
+        elif isinstance(value, BaseModel):
+            yield f"{name}:"
+            yield from _section(loaded, value, (name,), "  ")
+        elif name != "ros_params":
+            # What they add is below `plugins` already.
+            yield _line(loaded, (name,), "", value)
+
+
+def _plugin(loaded: Loaded, plugin: Selected) -> Iterator[str]:
+    path = ("plugins", plugin.name)
+    yield f"  {plugin.name}:"
+    yield _line(loaded, (*path, "type"), "    ", loaded.settings.plugins[plugin.name].type)
+    yield from _section(loaded, plugin.parameters, path, "    ")
+
+
+def _section(loaded: Loaded, section: BaseModel, path: KeyPath, indent: str) -> Iterator[str]:
+    values: dict[str, Any] = {name: getattr(section, name) for name in type(section).model_fields}
+    for name, value in {**values, **(section.__pydantic_extra__ or {})}.items():
+        # What nobody has set and has no value is derived from something else, which `null` would not say.
+        if value is not None:
+            yield _line(loaded, (*path, name), indent, value)
+
+
+def _line(loaded: Loaded, path: KeyPath, indent: str, value: Any) -> str:
+    mark = loaded.origin(path)
+    origin = "default" if mark is None else f"{mark.source.name}:{mark.line}" if mark.line else mark.source.name
+    return f"{f'{indent}{path[-1]}: {scalar(value)}':<{_COLUMN}}  # {origin}"

@@ -1,0 +1,59 @@
+"""A configuration file to begin with."""
+
+import textwrap
+from collections.abc import Iterator
+
+import mujoco
+from pydantic import BaseModel
+
+from mjplug.cli.yaml_text import scalar, text
+from mjplug.config.settings import Settings
+
+_WIDTH = 100
+
+
+def starting_file(uri: str, model: mujoco.MjModel) -> str:
+    """Returns a file for a model: settings with their defaults, commented out, and plugins that have something to do.
+
+    Args:
+        uri: The model, as the file shall name it.
+        model: The model.
+    """
+    lines = [
+        "# A configuration of mjplug. What is commented out is the default; `mjplug config show` shows all that holds.",
+        f"model: {text(uri)}",
+        "",
+    ]
+    for name, field in Settings.model_fields.items():
+        if name in ("model", "plugins"):
+            continue
+        if isinstance(field.default, BaseModel):
+            lines += [f"# {field.description}", f"# {name}:", *_section(field.default, model), ""]
+        else:
+            lines += [*_comment(field.description, ""), f"# {name}: {scalar(field.default)}", ""]
+    lines += ["# `mjplug plugin list` shows what there is, `mjplug plugin info TYPE` its parameters.", "plugins:"]
+    lines += [f"  {name}: {{type: {name}}}" for name in _useful(model)]
+    return "\n".join(lines)
+
+
+def _section(section: BaseModel, model: mujoco.MjModel) -> Iterator[str]:
+    for name, field in type(section).model_fields.items():
+        yield from _comment(field.description, "  ")
+        if name == "keyframe" and model.nkey:
+            names = (model.key(i).name for i in range(model.nkey))
+            yield f"#   # The model has: {', '.join(name for name in names if name)}."
+        yield f"#   {name}: {scalar(field.default)}"
+
+
+def _comment(description: str | None, indent: str) -> Iterator[str]:
+    """Yields a description, as a comment that stays one when a section is taken out of its comments."""
+    mark = f"#{indent and ' '}{indent}# " if indent else "# "
+    for line in textwrap.wrap(description or "", _WIDTH):
+        yield f"{mark}{line}"
+
+
+def _useful(model: mujoco.MjModel) -> Iterator[str]:
+    yield "heartbeat"
+    yield "external_wrench"
+    if any(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        yield "free_joint_state_publisher"

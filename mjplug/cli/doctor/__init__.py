@@ -1,0 +1,1 @@
+"""`mjplug doctor`: what of this machine helps or hinders, and what to do about it."""

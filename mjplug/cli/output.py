@@ -1,0 +1,45 @@
+"""Standard output as other programs want it: line by line, and without complaint when nobody reads any more."""
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal
+
+import typer
+
+Format = Literal["yaml", "json", "csv"]
+
+
+def say(text: str = "") -> None:
+    """Prints a line at once. When the reader is gone, as in `| head -1`, the command ends, and has not failed."""
+    try:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # What is left in the buffer would be complained about at the end of the process.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(0) from None
+
+
+def say_json(value: Any) -> None:
+    """Prints a value as JSON on one line."""
+    say(json.dumps(value))
+
+
+def complain(text: str) -> None:
+    """Prints a line to standard error."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def table(rows: Iterable[Sequence[object]]) -> list[str]:
+    """Returns rows as lines with aligned columns, two blanks between them."""
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)] if cells else []
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]
+
+
+def say_table(rows: Iterable[Sequence[object]]) -> None:
+    """Prints rows with aligned columns."""
+    for line in table(rows):
+        say(line)

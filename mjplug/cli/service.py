@@ -1,0 +1,120 @@
+"""`mjplug service`: what can be asked, and asking it."""
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from mjplug.cli.connected import connected
+from mjplug.cli.examples import examples
+from mjplug.cli.names import complete_service
+from mjplug.cli.output import say, say_json
+
+if TYPE_CHECKING:
+    from mjplug.client import Client
+
+app = typer.Typer(name="service", help="Lists, shows and calls services.", no_args_is_help=True)
+
+ServiceName = Annotated[str, typer.Argument(metavar="SERVICE", help="Its name.", autocompletion=complete_service)]
+
+
+@app.command("list")
+@connected
+def list_services(
+    client: "Client",
+    types: Annotated[bool, typer.Option("--show-types", "-t", help="Show the type of each.")] = False,
+    count: Annotated[bool, typer.Option("--count-services", "-c", help="Show only how many there are.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show everything, as JSON.")] = False,
+) -> None:
+    """Lists the services of all servers."""
+    from dataclasses import asdict
+
+    services = client.services()
+    if count:
+        say(str(len(services)))
+    elif json:
+        say_json([asdict(service) for service in services.values()])
+    else:
+        for service in services.values():
+            say(f"{service.name} [{service.type}]" if types else service.name)
+
+
+@app.command("type")
+@connected
+def type_(client: "Client", service: ServiceName) -> None:
+    """Shows the type of a service."""
+    say(client.service(service).type)
+
+
+@app.command()
+@connected
+def info(client: "Client", service: ServiceName) -> None:
+    """Shows all that its server says about a service."""
+    found = client.service(service)
+    say(f"Type: {found.type}")
+    say(f"Server: {found.server}")
+    say(f"Key: {found.key}")
+    say(f"Type hash: {found.hash}")
+
+
+@app.command()
+@connected
+def find(
+    client: "Client",
+    type: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.")],
+) -> None:
+    """Lists the services of a type."""
+    from mjplug.cli.values import full_type
+
+    for service in client.services().values():
+        if service.type == full_type(type, "srv"):
+            say(service.name)
+
+
+@app.command(
+    epilog=examples(
+        "mjplug service call '~/set_pause' '{paused: true}'",
+        "mjplug service call /mjplug/reset_world mujoco_ros2_control_msgs/srv/ResetWorld '{keyframe: home}'",
+    )
+)
+@connected
+def call(
+    client: "Client",
+    service: ServiceName,
+    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    values: Annotated[
+        str | None,
+        typer.Argument(metavar="VALUES", help="Fields as YAML: '{paused: true}'; others have initial values."),
+    ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout",
+            min=0.0,
+            metavar="SECONDS",
+            help="How long to wait.  [default: what the request takes by its own terms, and 10 s more]",
+        ),
+    ] = None,
+    output: Annotated[Literal["yaml", "json"], typer.Option("--output", "-o", help="How to show the response.")] = (
+        "yaml"
+    ),
+) -> None:
+    """Calls a service and shows its response.
+
+    A response with `success: false` ends with exit code 7.
+    """
+    from mjplug.cli.render import Rendering
+    from mjplug.cli.values import full_type, parse, split_type
+    from mjplug.client import RequestRefused, WrongTypeError
+
+    type, values = split_type(type, values)
+    found = client.service(service)
+    if type is not None and full_type(type, "srv") != found.type:
+        raise WrongTypeError(f"service {found.name} is {found.type}, not {full_type(type, 'srv')}")
+    rendering = Rendering(output)
+    try:
+        response = client.call(found.name, parse(values), timeout=timeout)
+    except RequestRefused as error:
+        if error.response is not None:
+            say(rendering.text(error.response))
+        raise
+    say(rendering.text(response))

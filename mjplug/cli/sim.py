@@ -1,0 +1,142 @@
+"""`mjplug sim`: pause, steps, resets and speed of a running simulation."""
+
+import time
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from mjplug.cli.connected import connected
+from mjplug.cli.output import say, say_json, say_table
+
+if TYPE_CHECKING:
+    from mjplug.client import Client
+
+app = typer.Typer(name="sim", help="Pauses, steps, resets and times the simulation.", no_args_is_help=True)
+
+_MEASURE = 0.5
+"""Wall time over which the real speed is measured [s]."""
+
+_CLOCK = 5.0
+"""How long to wait for the time, which comes once a second even when it stands still [s]."""
+
+
+@app.command()
+@connected
+def state(
+    client: "Client",
+    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="How to show it.")] = "text",
+) -> None:
+    """Shows model, state, simulated time, speed and resets."""
+    from mjplug.client.parameters import read
+
+    server = client.server
+    parameters = read(client.session, server.name)
+    paused = parameters.get("sim.paused")
+    seconds, measured = _clock(client, 0.0 if paused else _MEASURE)
+    told = {
+        "server": server.name,
+        "version": server.version,
+        "endpoint": server.endpoint,
+        "model": parameters.get("model"),
+        "state": "paused" if paused else "running",
+        "time": seconds,
+        "speed": parameters.get("sim.speed"),
+        "measured_speed": None if paused else round(measured, 3),
+        "resets": client.subscribe("~/epoch").next(_CLOCK).data,
+    }
+    if output == "json":
+        say_json(told)
+        return
+    factor = "" if paused else f" (measured: {measured:.3g})"
+    say_table(
+        [
+            ("server:", f"{told['server']} at {told['endpoint']}, mjplug {told['version']}"),
+            ("model:", told["model"]),
+            ("state:", told["state"]),
+            ("time:", f"{seconds:.3f} s"),
+            ("speed:", f"{_number(told['speed'])}{factor}"),
+            ("resets:", told["resets"]),
+        ]
+    )
+
+
+@app.command()
+@connected
+def pause(client: "Client") -> None:
+    """Stops simulated time."""
+    say(client.call("~/set_pause", paused=True).message)
+
+
+@app.command()
+@connected
+def resume(client: "Client") -> None:
+    """Lets simulated time run."""
+    say(client.call("~/set_pause", paused=False).message)
+
+
+@app.command()
+@connected
+def step(
+    client: "Client",
+    steps: Annotated[int, typer.Argument(min=1, metavar="STEPS", help="How many.")] = 1,
+    timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--timeout", min=0.0, metavar="SECONDS", help="How long to wait.  [default: 10 s and 1 ms a step]"
+        ),
+    ] = None,
+) -> None:
+    """Takes steps while paused, as fast as they go."""
+    say(client.call("~/step_simulation", timeout=timeout, steps=steps).message)
+
+
+@app.command()
+@connected
+def reset(
+    client: "Client",
+    keyframe: Annotated[str, typer.Option("--keyframe", "-k", help="Reset to this keyframe of the model.")] = "",
+) -> None:
+    """Puts the world back to where it began, or to a keyframe.
+
+    Simulated time goes on.
+    """
+    say(client.call("~/reset_world", keyframe=keyframe).message)
+
+
+@app.command()
+@connected
+def speed(
+    client: "Client",
+    factor: Annotated[
+        str | None, typer.Argument(metavar="FACTOR|max", help="The new one; without it, the present one is shown.")
+    ] = None,
+) -> None:
+    """Shows or changes how fast simulated time runs: simulated seconds per second."""
+    from mjplug.client.parameters import read, set_one
+
+    server = client.server.name
+    if factor is not None:
+        try:
+            wanted: Any = factor if factor == "max" else float(factor)
+        except ValueError:
+            raise typer.BadParameter(f"{factor!r} is neither a number nor max", param_hint="FACTOR") from None
+        set_one(client, server, "sim.speed", wanted)
+    say(_number(read(client.session, server).get("sim.speed")))
+
+
+def _clock(client: "Client", span: float) -> tuple[float, float]:
+    """Returns simulated time [s], and its speed over a span of wall time [s]."""
+    with client.subscribe("/clock", depth=1) as clock:
+        first, begin = _seconds(clock.next(_CLOCK)), time.monotonic()
+        last, end = first, begin
+        while end - begin < span:
+            last, end = _seconds(clock.next(_CLOCK)), time.monotonic()
+    return last, (last - first) / (end - begin) if end > begin else 0.0
+
+
+def _seconds(message: Any) -> float:
+    return float(message.clock.sec + message.clock.nanosec / 1e9)
+
+
+def _number(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

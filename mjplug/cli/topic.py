@@ -1,0 +1,89 @@
+"""`mjplug topic`: what is published and read, and by whom."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mjplug.cli.connected import connected
+from mjplug.cli.examples import examples
+from mjplug.cli.names import complete_topic
+from mjplug.cli.output import say, say_json
+from mjplug.cli.topic_echo import echo
+from mjplug.cli.topic_pub import pub
+from mjplug.cli.topic_rates import bw, delay, hz
+
+if TYPE_CHECKING:
+    from mjplug.client import Client
+
+app = typer.Typer(name="topic", help="Lists, shows, measures and publishes topics.", no_args_is_help=True)
+
+TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)]
+
+
+@app.command("list", epilog=examples("mjplug topic list -t", "mjplug topic list -e tcp/robot.local:7447"))
+@connected
+def list_topics(
+    client: "Client",
+    types: Annotated[bool, typer.Option("--show-types", "-t", help="Show the type of each.")] = False,
+    count: Annotated[bool, typer.Option("--count-topics", "-c", help="Show only how many there are.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show everything, as JSON.")] = False,
+) -> None:
+    """Lists the topics of all servers."""
+    from dataclasses import asdict
+
+    topics = client.topics()
+    if count:
+        say(str(len(topics)))
+    elif json:
+        say_json([asdict(topic) for topic in topics.values()])
+    else:
+        for topic in topics.values():
+            say(f"{topic.name} [{topic.type}]" if types else topic.name)
+
+
+@app.command()
+@connected
+def info(client: "Client", topic: TopicName) -> None:
+    """Shows all that servers say about a topic."""
+    found = client.topic(topic)
+    say(f"Type: {found.type}")
+    say(f"Published by: {', '.join(found.publishers) or 'no server'}")
+    say(f"Read by: {', '.join(found.subscribers) or 'no server'}")
+    say(f"Quality of service: {found.reliability}, {found.durability}, depth {found.depth}")
+    say(f"Key: {found.key} (JSON: {found.json_key})")
+    say(f"Type hash: {found.hash}")
+
+
+@app.command("type")
+@connected
+def type_(client: "Client", topic: TopicName) -> None:
+    """Shows the type of a topic."""
+    say(client.topic(topic).type)
+
+
+@app.command()
+@connected
+def find(
+    client: "Client",
+    type: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_msgs/msg/String.")],
+) -> None:
+    """Lists the topics of a type."""
+    from mjplug.cli.values import full_type
+
+    for topic in client.topics().values():
+        if topic.type == full_type(type, "msg"):
+            say(topic.name)
+
+
+app.command(epilog=examples("mjplug topic echo /clock --once", "mjplug topic echo /clock --field clock.sec -o csv"))(
+    echo
+)
+app.command(
+    epilog=examples(
+        "mjplug topic pub /cmd_vel '{linear: {x: 0.5}}' -r 10",
+        "mjplug topic pub --once /cmd_vel geometry_msgs/msg/Twist '{angular: {z: 1.0}}'",
+    )
+)(pub)
+app.command()(hz)
+app.command()(bw)
+app.command()(delay)

@@ -1,0 +1,89 @@
+"""`mjplug topic echo`: the messages of a topic, as they come."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mjplug.cli.connected import connected
+from mjplug.cli.names import complete_topic
+from mjplug.cli.output import Format, complain, say
+
+if TYPE_CHECKING:
+    from mjplug.client import Client
+
+_DEPTH = 1000
+"""How many messages may wait for a slow terminal."""
+
+
+def kind_of(client: "Client", topic: str, type: str | None) -> Any:
+    """Returns the class to read a topic with; `dict` where this side has none for its type.
+
+    Raises:
+        UnknownNameError: No server has the topic, and no type is given.
+        WrongTypeError: The type given is none, or another than the topic's.
+    """
+    from mjplug.cli.values import full_type
+    from mjplug.client.types import known, message_class
+
+    if type is not None:
+        return message_class(full_type(type, "msg"))
+    return known(client.topic(topic).type) or dict
+
+
+@connected
+def echo(
+    client: "Client",
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
+    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    once: Annotated[bool, typer.Option("--once", help="End after the first message.")] = False,
+    count: Annotated[
+        int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="End after so many messages.")
+    ] = None,
+    timeout: Annotated[
+        float | None,
+        typer.Option("--timeout", min=0.0, metavar="SECONDS", help="Fail if no message comes for so long."),
+    ] = None,
+    field: Annotated[
+        str | None, typer.Option("--field", metavar="PATH", help="Show a part only: pose.position, ranges[3].")
+    ] = None,
+    output: Annotated[Format, typer.Option("--output", "-o", help="How to show messages.")] = "yaml",
+    csv: Annotated[bool, typer.Option("--csv", help="The same as -o csv.")] = False,
+    full_length: Annotated[bool, typer.Option("--full-length", "-f", help="Show lists and texts whole.")] = False,
+    truncate_length: Annotated[
+        int,
+        typer.Option(
+            "--truncate-length", "-l", min=1, metavar="COUNT", help="Show so much of lists and texts, in YAML."
+        ),
+    ] = 128,
+    no_arr: Annotated[bool, typer.Option("--no-arr", help="Show no lists.")] = False,
+    no_str: Annotated[bool, typer.Option("--no-str", help="Show no texts.")] = False,
+    flow_style: Annotated[bool, typer.Option("--flow-style", help="Show each message on one line, in YAML.")] = False,
+) -> None:
+    """Shows the messages of a topic as they come."""
+    from mjplug.cli.field_path import FieldPath
+    from mjplug.cli.render import Rendering
+
+    format: Format = "csv" if csv else output
+    most = 0 if full_length else truncate_length
+    rendering = Rendering(format, most, not no_arr, not no_str, flow_style)
+    path = FieldPath(field) if field is not None else None
+    kind = kind_of(client, topic, type)
+    if path is not None:
+        path.check(kind)
+    left = 1 if once else count or 0
+    with client.subscribe(topic, kind, depth=_DEPTH) as messages:
+        first = True
+        while True:
+            message = messages.next(timeout)
+            value = message if path is None else path.get(message)
+            if format == "csv" and first:
+                say(rendering.heading(value))
+            first = False
+            say(rendering.text(value))
+            if format == "yaml":
+                say("---")
+            left -= 1
+            if left == 0:
+                break
+        if messages.dropped:
+            complain(f"warning: {messages.dropped} messages came faster than they could be shown")

@@ -1,0 +1,78 @@
+"""`mjplug topic pub`: messages to a topic."""
+
+import time
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mjplug.cli.connected import connected
+from mjplug.cli.names import complete_topic
+from mjplug.cli.output import say
+from mjplug.cli.topic_echo import kind_of
+
+if TYPE_CHECKING:
+    from mjplug.client import Client
+
+
+@connected
+def pub(
+    client: "Client",
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
+    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    values: Annotated[
+        str | None,
+        typer.Argument(metavar="VALUES", help="Fields as YAML: '{linear: {x: 0.5}}'; others have initial values."),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option("--rate", "-r", min=1e-3, metavar="HZ", help="Messages per second of wall time [Hz].")
+    ] = 1.0,
+    once: Annotated[bool, typer.Option("--once", "-1", help="Send one message.")] = False,
+    times: Annotated[
+        int | None, typer.Option("--times", "-t", min=1, metavar="COUNT", help="Send so many messages.")
+    ] = None,
+    wait_matching: Annotated[
+        int | None,
+        typer.Option(
+            "--wait-matching-subscriptions",
+            "-w",
+            min=0,
+            max=1,
+            help="1 waits until somebody reads the topic, 0 does not.  [default: 1 with --once and --times]",
+        ),
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0.0, metavar="SECONDS", help="How long to wait for somebody who reads it.")
+    ] = 5.0,
+    print_every: Annotated[
+        int, typer.Option("--print", "-p", min=0, metavar="N", help="Report every n-th message; 0 none.")
+    ] = 1,
+) -> None:
+    """Publishes a message, once or again and again.
+
+    Without --once and --times, until Ctrl-C.
+    """
+    from mjplug.cli.render import Rendering
+    from mjplug.cli.values import parse, split_type
+    from mjplug.client import TimedOutError
+    from mjplug.client.types import as_message
+
+    type, values = split_type(type, values)
+    kind = kind_of(client, topic, type)
+    fields = parse(values)
+    message = fields if kind is dict else as_message(fields, kind)
+    shown = Rendering(most=16, flow=True).text(message)
+    total = 1 if once else times or 0
+    publisher = client.publisher(topic, kind)
+    waits = total > 0 if wait_matching is None else wait_matching > 0
+    if waits and not publisher.wait_for_subscriber(timeout):
+        raise TimedOutError(f"nobody reads {publisher.name}, even after {timeout:g} s")
+    sent, begin = 0, time.monotonic()
+    while True:
+        publisher.publish(message)
+        sent += 1
+        if print_every and sent % print_every == 0:
+            say(f"publishing #{sent}: {shown}")
+        if sent == total:
+            return
+        # Counted from the begin, so that delays do not add up.
+        time.sleep(max(0.0, begin + sent / rate - time.monotonic()))

@@ -1,0 +1,244 @@
+"""A tour of `mjplug topic`: every command against a live server, with text and exit codes."""
+
+import csv
+import io
+import json
+import re
+import signal
+import subprocess
+import threading
+
+import pytest
+import yaml
+from cli.process import COMMAND, environment
+
+from mjplug.client import connect
+from mjplug_schemas.geometry_msgs import Twist
+from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray
+from mjplug_schemas.rihs01 import type_hash
+from mjplug_schemas.rosgraph_msgs import Clock
+from mjplug_schemas.std_msgs import UInt64
+
+ENDS = 20.0
+ATTEMPTS = 3
+"""A busy machine may take the time away that a measurement in wall time needs."""
+POSITION = "free_joints[0].pose.pose.position"
+
+
+def documents(text):
+    return [document for document in yaml.safe_load_all(text) if document is not None]
+
+
+def test_topics_are_listed(tour):
+    listed = tour.ask("topic", "list").splitlines()
+    assert listed == sorted(listed)
+    assert {"/clock", "/cmd_vel", "/free_joints/free_joint_states", "/mjplug/epoch"} <= {*listed}
+    assert "/clock [rosgraph_msgs/msg/Clock]" in tour.ask("topic", "list", "-t").splitlines()
+    assert tour.ask("topic", "list", "--count-topics") == f"{len(listed)}\n"
+    told = {topic["name"]: topic for topic in json.loads(tour.ask("topic", "list", "--json"))}
+    assert list(told) == listed
+    assert told["/cmd_vel"]["subscribers"] == ["/mjplug"]
+
+
+def test_a_topic_is_described(tour):
+    assert tour.ask("topic", "type", "/clock") == "rosgraph_msgs/msg/Clock\n"
+    assert tour.ask("topic", "find", "std_msgs/UInt64") == "/mjplug/epoch\n"
+    assert tour.ask("topic", "find", "std_msgs/msg/UInt64") == "/mjplug/epoch\n"
+    assert tour.ask("topic", "find", "std_msgs/msg/Bool") == ""
+    assert tour.ask("topic", "info", "~/epoch").splitlines() == [
+        "Type: std_msgs/msg/UInt64",
+        "Published by: /mjplug",
+        "Read by: no server",
+        "Quality of service: reliable, transient_local, depth 1",
+        "Key: mjplug/epoch (JSON: mjplug/epoch/@json)",
+        f"Type hash: {type_hash(UInt64)}",
+    ]
+
+
+def test_echo_shows_messages_as_yaml_documents(tour):
+    shown = documents(tour.ask("topic", "echo", "/clock", "-n", "3"))
+    times = [Clock.from_json(json.dumps(each)).clock for each in shown]
+    assert [type(time.sec) for time in times] == [int] * 3
+    assert times == sorted(times, key=lambda time: (time.sec, time.nanosec))
+    (once,) = documents(tour.ask("topic", "echo", "/clock", "rosgraph_msgs/Clock", "--once", "--flow-style"))
+    assert set(once["clock"]) == {"sec", "nanosec"}
+
+
+def test_echo_shows_messages_as_json_and_as_csv(tour):
+    lines = tour.ask("topic", "echo", "/free_joints/free_joint_states", "-n", "2", "-o", "json").splitlines()
+    assert [FreeJointStateArray.from_json(line).free_joints[0].name for line in lines] == ["box", "box"]
+    table = list(csv.reader(io.StringIO(tour.ask("topic", "echo", "/clock", "-n", "2", "--csv"))))
+    assert table[0] == ["clock.sec", "clock.nanosec"]
+    assert [[cell.isdecimal() for cell in row] for row in table[1:]] == [[True, True]] * 2
+
+
+def test_echo_shows_a_part_of_a_message(tour):
+    tour.ask("sim", "pause")
+    tour.ask("sim", "reset", "-k", "lifted")
+    with stepping(tour):
+        (position,) = documents(
+            tour.ask("topic", "echo", "/free_joints/free_joint_states", "--once", "--field", POSITION)
+        )
+        height = tour.ask("topic", "echo", "/free_joints/free_joint_states", "--once", "--field", f"{POSITION}.z")
+    assert position == {"x": 0.0, "y": 0.0, "z": 2.0}
+    assert height == "2.0\n---\n"
+    assert tour.ask("topic", "echo", "~/epoch", "--once", "--field", "data").splitlines()[1] == "---"
+
+
+class stepping:  # noqa: N801  (reads as a statement)
+    """Takes steps of a paused simulation until the end of the block."""
+
+    def __init__(self, tour):
+        self._client = connect(tour.endpoint)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._step)
+
+    def _step(self):
+        while not self._over.is_set():
+            self._client.call("~/step_simulation", steps=20)
+
+    def __enter__(self):
+        self._thread.start()
+
+    def __exit__(self, *_):
+        self._over.set()
+        self._thread.join(ENDS)
+        self._client.close()
+
+
+def test_echo_leaves_out_what_is_long_or_unwanted(tour):
+    topic = "/free_joints/free_joint_states"
+    assert documents(tour.ask("topic", "echo", topic, "--once", "--no-arr"))[0]["free_joints"] == "<1 values>"
+    beat = tour.ask("topic", "echo", "/mujoco_heartbeat", "--once", "-l", "6")
+    assert beat == "data: MuJoCo...\n---\n"
+    whole = tour.ask("topic", "echo", "/mujoco_heartbeat", "--once", "-l", "6", "--full-length")
+    assert whole.startswith("data: 'MuJoCo ROS2 Control Heartbeat #")
+    assert re.fullmatch(
+        r"data: <\d+ characters>\n---\n", tour.ask("topic", "echo", "/mujoco_heartbeat", "--once", "--no-str")
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "words", "sentence"),
+    [
+        (1, ("echo", "/clok"), r"unknown topic '/clok', did you mean '/clock'\?; there are: /clock, /cmd_vel, "),
+        (1, ("info", "cmd_ve"), r"unknown topic '/cmd_ve', did you mean '/cmd_vel'\?"),
+        (1, ("type", "/clo ck"), r"'/clo ck' is not a valid ROS name"),
+        (2, ("echo", "/clock", "std_msgs/String"), r"topic /clock is rosgraph_msgs/msg/Clock, not std_msgs/msg/String"),
+        (2, ("echo", "/clock", "std_msgs/msg/Strin"), r"unknown type .*did you mean 'std_msgs/msg/String'\?"),
+        (2, ("echo", "/clock", "--field", "clock.se"), r"'clock.se': there is no field 'se', did you mean 'sec'\?"),
+        (2, ("echo", "/clock", "--field", "clock.sec.x"), r"there is no field 'x'; int32 is no message"),
+        (2, ("echo", "/clock", "--field", "clock..sec"), r"'clock\.\.sec' is no field; write it as in"),
+        (2, ("echo", "/clock", "--field", "clock[3]"), r"this message has no 3 there"),
+        (2, ("echo", "/clock", "-o", "xml"), r"'xml' is not one of 'yaml', 'json', 'csv'"),
+        (6, ("echo", "/cmd_vel", "--timeout", "0.2"), r"no message on /cmd_vel within 0\.2 s"),
+        (6, ("hz", "/cmd_vel", "--timeout", "0.5"), r"no message on /cmd_vel within 0\.5 s"),
+        (2, ("delay", "/mujoco_heartbeat"), r"std_msgs/msg/String has no header with a stamp"),
+        (2, ("hz", "-s", "/mujoco_heartbeat"), r"std_msgs/msg/String has no header with a stamp"),
+        (1, ("pub", "/chatter", "{data: x}"), r"unknown topic '/chatter'"),
+        (6, ("pub", "--once", "/chatter", "std_msgs/String", "{data: x}", "--timeout", "0.2"), r"nobody reads"),
+        (2, ("pub", "/cmd_vel", "{linear: {x: fast}}"), r"linear\.x must be a float64 \(a number\), got \"fast\""),
+        (2, ("pub", "/cmd_vel", "{lineal: {x: 1}}"), r"unknown field 'lineal', did you mean 'linear'\?"),
+        (2, ("pub", "/cmd_vel", "{linear:{x: 1}}"), r"YAML syntax: .*; write fields as YAML, with a blank"),
+        (2, ("pub", "/cmd_vel", "0.5"), r"'0.5' are no fields; write fields as YAML"),
+        (2, ("pub", "/cmd_vel", "std_srvs/srv/Trigger", "{}"), r"std_srvs/srv/Trigger is a service"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_a_sentence(tour, code, words, sentence):
+    assert re.search(sentence, tour.fail(code, "topic", *words))
+
+
+def test_published_messages_arrive_as_often_as_asked(tour):
+    with connect(tour.endpoint) as client, client.subscribe("/cmd_vel", Twist) as commands:
+        printed = tour.ask("topic", "pub", "/cmd_vel", "{linear: {x: 0.5}}", "-t", "3", "-r", "100")
+        assert printed.splitlines() == [
+            f"publishing #{i}: {{linear: {{x: 0.5, y: 0.0, z: 0.0}}, angular: {{x: 0.0, y: 0.0, z: 0.0}}}}"
+            for i in (1, 2, 3)
+        ]
+        received = [commands.next(ENDS) for _ in range(3)]
+        assert received == [Twist.from_json('{"linear": {"x": 0.5}}')] * 3
+        assert (
+            tour.ask("topic", "pub", "-1", "-p", "0", "/cmd_vel", "geometry_msgs/msg/Twist", "{angular: {z: 1}}") == ""
+        )
+        assert commands.next(ENDS).angular.z == 1.0
+
+
+def test_the_rate_of_a_1_khz_topic_is_measured_to_one_hertz(tour):
+    for _ in range(ATTEMPTS):
+        rate, spread = tour.ask("topic", "hz", "/clock", "-n", "2").splitlines()[-2:]
+        assert re.fullmatch(r"\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+", spread)
+        if float(rate.removeprefix("average rate: ")) == pytest.approx(1000.0, abs=1.0):
+            return
+    pytest.fail(f"{rate} after {ATTEMPTS} attempts")
+
+
+def test_a_rate_in_simulated_time_does_not_depend_on_the_speed(tour):
+    tour.ask("sim", "speed", "0.5")
+    assert tour.ask("topic", "hz", "/clock", "-s", "-n", "1").startswith("average rate: 1000.000\n")
+    wall = float(tour.ask("topic", "hz", "/clock", "-n", "2").splitlines()[-2].removeprefix("average rate: "))
+    assert wall == pytest.approx(500.0, rel=0.1)
+
+
+def test_bandwidth_counts_the_bytes_of_the_messages(tour):
+    report = tour.ask("topic", "bw", "/clock", "-n", "1")
+    size = len(Clock().to_cdr())
+    assert f"Message size mean: {size} B min: {size} B max: {size} B" in report
+    found = re.match(r"([\d.]+) KB/s from 100 messages\n", report)
+    assert float(found[1]) == pytest.approx(size, rel=0.25)
+
+
+def test_delay_is_the_age_in_simulated_time(tour):
+    report = tour.ask("topic", "delay", "/free_joints/free_joint_states", "-n", "1")
+    age = float(report.splitlines()[0].removeprefix("average delay: "))
+    # Stamps are of the step that published, a millisecond long.
+    assert abs(age) < 0.05
+
+
+def test_a_topic_that_is_silent_is_said_to_be(tour):
+    assert tour.ask("topic", "hz", "/cmd_vel", "-n", "1") == "no messages yet\n"
+
+
+@pytest.fixture
+def start(tour):
+    """Starts commands in processes of their own, as a shell does."""
+    running = []
+
+    def start(*words):
+        running.append(
+            subprocess.Popen(
+                [*COMMAND, *words],
+                env=environment({"MJPLUG_CONNECT": tour.endpoint}),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+        )
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def test_ctrl_c_ends_with_130_and_without_a_word(start):
+    process = start("topic", "echo", "/clock")
+    assert process.stdout.readline() == "clock:\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=ENDS)
+    assert (process.returncode, err) == (130, "")
+
+
+def test_a_reader_that_goes_away_ends_it_in_silence(start):
+    process = start("topic", "echo", "/clock")
+    assert process.stdout.readline() == "clock:\n"
+    process.stdout.close()
+    assert process.wait(ENDS) == 0
+    assert process.stderr.read() == ""
+
+
+def test_nobody_there_is_exit_code_5(tour):
+    said = tour.fail(5, "topic", "list", "--connect", "tcp/127.0.0.1:1")
+    assert said.startswith("error: no mjplug server at tcp/127.0.0.1:1; start one (mjplug serve bundled:box --listen")
+    assert "is no Zenoh endpoint" in tour.fail(5, "topic", "list", "-e", "localhost:7447")
+    assert "unknown server '/mjplu', did you mean '/mjplug'?" in tour.fail(1, "topic", "list", "--server", "/mjplu")
