@@ -1,0 +1,147 @@
+"""What 30 joints cost the physics thread: their states as messages at 1 kHz, and PIDs that hold them at every step."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from time import perf_counter, sleep
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from benchmarks.measure import Result, figure, pairs
+from benchmarks.world import network
+from mjplug.core.loop import Loop
+from mjplug.core.scheduler import Timer
+from mjplug.core.simulation import Simulation
+from mjplug.diagnosis import Diagnostics
+from mjplug.offline import OfflineTransport, OfflineWorkers
+from mjplug.plugin import Host, Publisher
+from mjplug.transport import Transport
+from mjplug_plugins.joints import JointCommands, JointStatePublisher
+from mjplug_schemas.sensor_msgs import JointState
+
+JOINTS, BURST, BURSTS, STEPS = 30, 50, 40, 4000
+
+PAUSE = 0.002
+"""Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
+
+_SUBSCRIBER = """
+import json, sys, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
+with zenoh.open(config) as session:
+    session.declare_subscriber("joint_states", lambda sample: None)
+    sys.stdin.read()
+"""
+
+
+class _Host(Host):
+    """Keeps what the plugin's timer would call, and the publisher it depends on, to time them without the steps."""
+
+    callback: Callable[[], None]
+    publisher: Publisher[Any] | None
+
+    def create_timer(
+        self, period: float, callback: Callable[[], None], while_matched: Publisher[Any] | None = None
+    ) -> Timer:
+        self.callback, self.publisher = callback, while_matched
+        return super().create_timer(period, callback, while_matched)
+
+
+class _Transport(OfflineTransport):
+    """Nobody listens, and commands come by hand."""
+
+    def __init__(self) -> None:
+        self.deliver: dict[str, Callable[[Any], None]] = {}
+
+    def open_subscription(self, topic: Any, deliver: Callable[[Any], None]) -> None:
+        self.deliver[topic.name] = deliver
+
+
+def results() -> list[Result]:
+    """States up to the wire and beyond; steps with PIDs, and with states that nobody listens to, against bare ones."""
+    what = f"JointStatePublisher, {JOINTS} joints"
+    alone, _ = _publishing(OfflineTransport())
+    found = [figure(f"{what}: a message, up to the wire", alone, "<= 5", "{:.2f} µs")]
+    with network() as opened:
+        publish, publisher = _publishing(opened)
+        command = [sys.executable, "-c", _SUBSCRIBER, opened.session.endpoint]
+        subscriber = subprocess.Popen(command, stdin=subprocess.PIPE)
+        try:
+            deadline = perf_counter() + 10
+            while not publisher.matched:
+                assert perf_counter() < deadline
+                sleep(0.01)
+            found.append(figure(f"{what}: a message, one subscriber", publish, "<= 5", "{:.2f} µs"))
+        finally:
+            subscriber.terminate()
+            subscriber.wait(10)
+    unheard, bare = _steps(states=True), _steps()
+    found.append(pairs(f"{what} at 1 kHz, unsubscribed: a step, against none", unheard, bare, "<= 1.02", "{:.2f} µs"))
+    idle, pid = _steps(commands=True), _steps(commands=True, holding=True)
+    found.append(pairs("JointCommands without PIDs: a step, against none", idle, bare, "<= 1.02", "{:.2f} µs"))
+    found.append(figure(f"JointCommands, {JOINTS} PIDs: added to a step", lambda: pid() - bare(), "<= 20", "{:.2f} µs"))
+    return found
+
+
+def _model() -> mujoco.MjModel:
+    bodies, motors = "", ""
+    for i in range(JOINTS):
+        inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        bodies += f'<body pos="{i} 0 0"><joint name="joint_{i}" axis="0 0 1"/>{inertia}</body>'
+        motors += f'<motor joint="joint_{i}"/>'
+    xml = f"<mujoco><worldbody>{bodies}</worldbody><actuator>{motors}</actuator></mujoco>"
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.timestep = 0.001
+    return model
+
+
+def _host(transport: Transport) -> tuple[_Host, Loop]:
+    loop = Loop(Simulation(_model()))
+    return _Host("joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkers(), Diagnostics()), loop
+
+
+def _publishing(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
+    """Starts the plugin; returns what measures one message [µs], and its publisher."""
+    host, _ = _host(transport)
+    JointStatePublisher().init(host, JointStatePublisher.parameters_type(rate=1000.0))
+    assert host.publisher is not None
+
+    def publish() -> float:
+        # Every message on its own, so that what the machine does besides stays out of the median.
+        taken = []
+        for k in range(BURSTS * BURST):
+            if k % BURST == 0:
+                sleep(PAUSE)
+            began = perf_counter()
+            host.callback()
+            taken.append(perf_counter() - began)
+        return float(np.median(taken)) * 1e6
+
+    return publish, host.publisher
+
+
+def _steps(states: bool = False, commands: bool = False, holding: bool = False) -> Callable[[], float]:
+    """Returns what measures one step of the loop with these plugins [µs]."""
+    transport = _Transport()
+    host, loop = _host(transport)
+    if states:
+        JointStatePublisher().init(host, JointStatePublisher.parameters_type(rate=1000.0))
+    if commands:
+        gains = {f"joint_{i}": {"p": 100.0, "i": 1.0, "d": 10.0} for i in range(JOINTS)}
+        plugin = JointCommands()
+        host.attach(plugin)
+        parameters = JointCommands.parameters_type.model_validate({"pid_gains": {"position": gains}})
+        plugin.init(host, parameters)
+    if holding:
+        names = [f"joint_{i}" for i in range(JOINTS)]
+        transport.deliver["/joint_commands"](JointState(name=names, position=[0.5] * JOINTS))
+
+    def measure() -> float:
+        began = perf_counter()
+        loop.step(STEPS)
+        return (perf_counter() - began) / STEPS * 1e6
+
+    return measure

@@ -1,0 +1,147 @@
+"""Motions of joints from point to point, interpolated as joint_trajectory_controller does."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.plugin import RequestError
+from mjplug_schemas.builtin_interfaces import Duration, Time
+from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
+
+Array = NDArray[np.float64]
+
+_SECOND = 1_000_000_000
+
+_FARTHEST = 86_400 * _SECOND
+"""How far ahead a motion may begin; a stamp beyond is in another time, such as that of the wall [ns]."""
+
+
+class Motion:
+    """The positions of some joints over time.
+
+    Between two points that both have positions alone it is linear; where both have velocities too, cubic; where both
+    have accelerations besides, quintic. It begins at the joints' state when it was asked for. After the last point it
+    stays there.
+
+    Args:
+        trajectory: What was asked for; it has been checked.
+        now: Simulated time [ns].
+        position: Where the joints are, in the order of their names in the trajectory, shape (n,) [rad or m].
+        velocity: How fast they are, shape (n,) [rad/s or m/s].
+    """
+
+    def __init__(self, trajectory: JointTrajectory, now: int, position: Array, velocity: Array) -> None:
+        begin = _ns(trajectory.header.stamp) or now
+        points = [JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist()), *trajectory.points]
+        self._times = [now, *(begin + _ns(point.time_from_start) for point in trajectory.points)]
+        self._points = points
+        self._segment = 0
+        self._coefficients = np.empty((0, len(position)))
+        self.end = self._times[-1]
+
+    def at(self, time: int) -> Array:
+        """Returns the positions at a time not before that of the last call, shape (n,) [rad or m].
+
+        Args:
+            time: Simulated time [ns].
+        """
+        if time >= self.end:
+            return np.array(self._points[-1].positions, float)
+        moved = not len(self._coefficients)
+        while self._times[self._segment + 1] <= time:
+            self._segment += 1
+            moved = True
+        if moved:
+            self._coefficients = self._polynomial(self._segment)
+        t = (time - self._times[self._segment]) / _SECOND
+        positions: Array = self._coefficients[-1].copy()
+        for coefficient in self._coefficients[-2::-1]:
+            positions *= t
+            positions += coefficient
+        return positions
+
+    def velocity_at(self, time: int) -> Array:
+        """Returns the velocities at a time, after `at` was called for it, shape (n,) [rad/s or m/s]."""
+        if time >= self.end or not len(self._coefficients):
+            return np.zeros(self._coefficients.shape[1])
+        t = (time - self._times[self._segment]) / _SECOND
+        velocities = np.zeros(self._coefficients.shape[1])
+        for k, coefficient in enumerate(self._coefficients[1:], 1):
+            velocities += k * t ** (k - 1) * coefficient
+        return velocities
+
+    def _polynomial(self, segment: int) -> Array:
+        """Returns the coefficients of a segment, those of t⁰ first, shape (2, 4 or 6; n)."""
+        a, b = self._points[segment], self._points[segment + 1]
+        seconds = (self._times[segment + 1] - self._times[segment]) / _SECOND
+        x0, x1 = np.array(a.positions, float), np.array(b.positions, float)
+        orders = 1
+        if a.velocities and b.velocities:
+            orders = 3 if a.accelerations and b.accelerations else 2
+        if orders == 1:
+            return np.stack([x0, (x1 - x0) / seconds])
+        v0, v1 = np.array(a.velocities, float), np.array(b.velocities, float)
+        if orders == 2:
+            return _hermite([x0, v0], [x1, v1], seconds)
+        a0, a1 = np.array(a.accelerations, float), np.array(b.accelerations, float)
+        return _hermite([x0, v0, a0], [x1, v1, a1], seconds)
+
+
+def _hermite(begin: Sequence[Array], end: Sequence[Array], seconds: float) -> Array:
+    """Returns the polynomial that has the given value and derivatives at both ends, by solving for its upper half."""
+    orders = len(begin)
+    lower = [value / math.factorial(k) for k, value in enumerate(begin)]
+    powers = range(orders, 2 * orders)
+    matrix, rest = np.empty((orders, orders)), np.empty((orders, len(begin[0])))
+    for row in range(orders):
+        # In units of the segment's length, so that short and long ones are alike well conditioned.
+        matrix[row] = [math.perm(k, row) for k in powers]
+        known = sum(math.perm(k, row) * seconds ** (k - row) * lower[k] for k in range(row, orders))
+        rest[row] = (end[row] - known) * seconds**row
+    upper = np.linalg.solve(matrix, rest)
+    return np.stack([*lower, *(upper[i] / seconds**k for i, k in enumerate(powers))])
+
+
+def check(trajectory: JointTrajectory, now: int) -> None:
+    """Checks the numbers of a trajectory that has points.
+
+    Args:
+        trajectory: Its names have been checked.
+        now: Simulated time [ns].
+
+    Raises:
+        RequestError: Something is wrong with it; the sentence says where.
+    """
+    count, before = len(trajectory.joint_names), -1
+    for index, point in enumerate(trajectory.points):
+        if not point.positions:
+            raise RequestError(f"points[{index}] has no positions")
+        for name in ("positions", "velocities", "accelerations"):
+            values = getattr(point, name)
+            if values and len(values) != count:
+                raise RequestError(f"points[{index}].{name} has {len(values)} numbers for {count} joints")
+            if not all(map(math.isfinite, values)):
+                raise RequestError(f"points[{index}].{name} has a number that is not finite")
+        time = _ns(point.time_from_start)
+        if time <= before:
+            raise RequestError(
+                f"points[{index}].time_from_start is {time / _SECOND:g} s; times must increase strictly, from 0 on"
+            )
+        before = time
+    begin = _ns(trajectory.header.stamp)
+    if begin and begin + before < now:
+        raise RequestError(
+            f"it ends at t = {(begin + before) / _SECOND:g} s, in the past: now it is {now / _SECOND:g} s; "
+            "a zero stamp starts it at once"
+        )
+    if begin > now + _FARTHEST:
+        raise RequestError(
+            f"header.stamp is {begin / _SECOND:g} s, but simulated time is {now / _SECOND:g} s; "
+            "give simulated time (use_sim_time), or zero for at once"
+        )
+
+
+def _ns(value: Time | Duration) -> int:
+    return value.sec * _SECOND + value.nanosec
