@@ -42,6 +42,11 @@ class Command:
         return cls(environment, words)
 
     @property
+    def talks(self) -> bool:
+        """Whether it needs a running server."""
+        return self.words[0] == "mjplug" and self.words[1] in ("topic", "service", "sim")
+
+    @property
     def serves(self) -> bool:
         """Whether it starts a server that runs until it is stopped."""
         return self.words[:2] == ["mjplug", "serve"] and not {"--check", "--duration", "--help"} & {*self.words}
@@ -79,12 +84,15 @@ class Reader:
                 path.write_text(block.text, encoding="utf-8")
         (self.folder / "examples").symlink_to(ROOT / "examples")
 
-    def run(self, command: Command) -> "subprocess.CompletedProcess[str]":
-        """Runs a command of the page that ends by itself; what it prints on both streams comes as one text."""
+    def run(self, command: Command, endpoint: str | None = None) -> "subprocess.CompletedProcess[str]":
+        """Runs a command of the page that ends by itself; what it prints on both streams comes as one text.
+
+        A command that talks to a server finds it at `endpoint`.
+        """
         return subprocess.run(
             [sys.executable, "-m", *self._local(command)],
             cwd=self.folder,
-            env=_environment(command),
+            env=_environment(command, endpoint),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -92,14 +100,14 @@ class Reader:
             check=False,
         )
 
-    def script(self, text: str, name: str) -> "subprocess.CompletedProcess[str]":
-        """Runs Python; a warning is an error."""
+    def script(self, text: str, name: str, endpoint: str | None = None) -> "subprocess.CompletedProcess[str]":
+        """Runs Python, which finds a server at `endpoint`; a warning is an error."""
         path = self.folder / name
         path.write_text(text, encoding="utf-8")
         return subprocess.run(
             [sys.executable, "-W", "error", str(path)],
             cwd=self.folder,
-            env=_environment(),
+            env=_environment(endpoint=endpoint),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -175,6 +183,7 @@ def matches(printed: str, expected: str) -> bool:
     return re.fullmatch(pattern, text) is not None
 
 
-def _environment(command: Command | None = None) -> dict[str, str]:
+def _environment(command: Command | None = None, endpoint: str | None = None) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("MJPLUG_")}
-    return {**kept, "PYTHONUNBUFFERED": "1", "COLUMNS": "100", **(command.environment if command else {})}
+    there = {"MJPLUG_CONNECT": endpoint} if endpoint is not None else {}
+    return {**kept, "PYTHONUNBUFFERED": "1", "COLUMNS": "100", **there, **(command.environment if command else {})}

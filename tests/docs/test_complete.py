@@ -13,8 +13,10 @@ from fakes import FakeTransport
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+import mjplug.client
 import mjplug.plugin
-from mjplug.cli.app import EXIT_CODES, app
+from mjplug.cli.app import app
+from mjplug.cli.exit_codes import EXIT_CODES
 from mjplug.config.document import unquoted
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.core.model_location import SUFFIXES, bundled_models
@@ -26,7 +28,7 @@ from mjplug.server import Server
 from mjplug.wire.calls import MAX_OPEN_CALLS
 from mjplug.wire.encoding import MAX_PAYLOAD
 
-CONFIGURATION, WIRE, PLUGINS = "configuration.md", "wire.md", "plugins.md"
+CONFIGURATION, WIRE, PLUGINS, CLI, CLIENT = "configuration.md", "wire.md", "plugins.md", "cli.md", "client.md"
 
 SETTINGS = rows(section(CONFIGURATION, "Settings").partition("### ")[0])
 
@@ -41,6 +43,8 @@ def as_yaml(value):
         return "none"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
+    if isinstance(value, tuple) and value:
+        return f"`{list(value)}`"
     return f"`{value}`" if value not in ("", (), {}) else {str: '`""`', tuple: "`[]`", dict: "`{}`"}[type(value)]
 
 
@@ -110,13 +114,26 @@ def test_every_topic_and_service_is_in_a_table_with_its_type():
         elif instance:
             assert rows(section(PLUGINS, first))[f"~/{rest}"][0] == f"`{interface.TYPE}`"
         else:
-            absolute = own | rows(section(PLUGINS, "Heartbeat"))
+            absolute = own | rows(section(PLUGINS, "Heartbeat")) | rows(section(PLUGINS, "JointStatePublisher"))
             assert absolute[name][0] == f"`{interface.TYPE}`"
 
 
 def serve_command():
     command = typer.main.get_command(app)
     return command.commands["serve"]
+
+
+def commands(group=None, words=()):
+    """Yields every command with its name."""
+    for name, command in (group or typer.main.get_command(app)).commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*words, name))
+        else:
+            yield " ".join((*words, name)), command
+
+
+def flags_of(command):
+    return {flag for parameter in command.params for flag in parameter.opts if flag.startswith("-")} | {"--help", "-h"}
 
 
 def test_every_flag_of_serve_has_a_row_and_there_are_no_others():
@@ -126,23 +143,49 @@ def test_every_flag_of_serve_has_a_row_and_there_are_no_others():
 
 
 def test_every_flag_that_a_page_mentions_is_there():
-    flags = {flag for parameter in serve_command().params for flag in parameter.opts} | {"--help", "--version"}
+    flags = {flag for _, command in commands() for flag in flags_of(command)} | {"--version"}
     for page in PAGES:
         mentioned = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", prose(page)))
         assert mentioned <= flags, page
 
 
-def test_every_command_is_mentioned():
-    commands = typer.main.get_command(app).commands
-    text = prose(CONFIGURATION)
-    for name, command in commands.items():
-        for words in [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]:
-            assert f"`mjplug {words}" in text
+SHARED = rows(section(CLI, "Options that are always the same"))
+
+
+@pytest.mark.parametrize("name", [name for name, _ in commands() if name != "serve"])
+def test_every_command_has_a_section_with_its_arguments_and_flags(name):
+    command = dict(commands())[name]
+    text = section(CLI, name)
+    table = rows(text)
+    own = flags_of(command) - (set(SHARED) if set(SHARED) <= flags_of(command) else {"--help", "-h"})
+    assert {flag for flag in table if flag.startswith("-")} == own
+    assert f"`mjplug {name}" in text
+    for parameter in command.params:
+        if not parameter.opts[0].startswith("-"):
+            assert parameter.metavar in re.search(rf"`mjplug {name}([^`]*)`", text)[1]
+
+
+def test_a_command_that_talks_to_a_server_has_the_options_for_it():
+    for name, command in commands():
+        if name.split()[0] in ("topic", "service", "sim"):
+            assert set(SHARED) <= flags_of(command), name
 
 
 def test_exit_codes_are_those_of_the_command_line():
-    documented = {int(code) for code in rows(section(CONFIGURATION, "The command line")) if code.isdecimal()}
-    assert documented == {0, 2} | {code for _, code in EXIT_CODES}
+    documented = {int(code) for code in rows(section(CLI, "Exit codes")) if code.isdecimal()}
+    assert documented == {0, 2, 130} | {code for _, code in EXIT_CODES}
+
+
+def test_everything_in_the_client_is_described():
+    text = prose(CLIENT)
+    for name in mjplug.client.__all__:
+        assert re.search(rf"`{name}\b[^`]*`", text), name
+    for kind in (mjplug.client.Client, mjplug.client.Subscription, mjplug.client.Publisher):
+        table = rows(section(CLIENT, kind.__name__))
+        for name, expected, documented in signatures(kind, table):
+            # Only the client calls it.
+            assert (kind.__name__, name) == ("Subscription", "open") or documented == expected
+        assert {name for name, member in inspect.getmembers(kind) if isinstance(member, property)} <= set(table)
 
 
 def test_bundled_models_are_listed_with_their_keyframes():
