@@ -1,0 +1,150 @@
+"""The camera plugin: decides when which camera publishes; a process of its own does the drawing."""
+
+from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, UnknownName, Worker
+from mjplug_plugins.camera.fitness import Fitness
+from mjplug_plugins.camera.gl import NO_OPENGL, PACKAGES, environments
+from mjplug_plugins.camera.parameters import CameraParameters, ViewParameters
+from mjplug_plugins.camera.schedule import Publishers, Schedule
+from mjplug_plugins.camera.triggers import Triggers
+from mjplug_plugins.camera.view import View, camera_names, intrinsics_of
+from mjplug_plugins.camera.work import CameraWork, Look, stream_task
+from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
+from mjplug_schemas.std_srvs import Trigger
+
+_UNSET = [1, 1]
+"""MuJoCo's `resolution` of a camera that was not given one."""
+
+
+class Camera(Plugin[CameraParameters]):
+    """Publishes the model's cameras: colour as rgb8, metric depth as 32FC1, and `sensor_msgs/CameraInfo`.
+
+    A process of its own draws, and only what somebody listens to. All messages of one instant show one state, whose
+    time is their stamp.
+    """
+
+    _schedule: Schedule | None = None
+
+    def init(self, host: Host, parameters: CameraParameters) -> None:
+        """Declares topics and services, and starts the timers and the process that draws."""
+        self._host = host
+        ids, configured = camera_names(host.model), parameters.__pydantic_extra__
+        for name in configured:
+            if name not in ids:
+                raise UnknownName("camera", name, ids)
+        chosen = {name: configured.get(name, ViewParameters()) for name in ids}
+        chosen = {name: own for name, own in chosen.items() if own.policy != "disabled"}
+        if not chosen:
+            why = "every camera is disabled" if ids else "the model has no camera"
+            host.logger.warning("%s: nothing is published", why)
+            return
+        views = _views(host, ids, chosen)
+        self._triggers = Triggers(lambda task: self._worker.submit([task]))
+        publishers = {view.name: self._declare(view, chosen[view.name]) for view in views}
+        look = Look(
+            parameters.quality,
+            parameters.geom_groups,
+            parameters.site_groups,
+            parameters.background,
+            parameters.jpeg_quality,
+        )
+        self._fitness = Fitness(publishers)
+        self._worker: Worker = host.create_worker(
+            CameraWork(views, look),
+            [publisher for own in publishers.values() for publisher in own],
+            environments=environments(),
+            sync=parameters.sync,
+            on_ready=self._ready,
+            on_done=self._done,
+            on_lost=self._lost,
+        )
+        rates: dict[float, dict[str, Publishers]] = {}
+        for name, own in publishers.items():
+            if chosen[name].policy == "streaming":
+                rates.setdefault(chosen[name].publish_rate or parameters.camera_publish_rate, {})[name] = own
+        self._schedule = Schedule(host, self._stream)
+        for rate, cameras in rates.items():
+            self._schedule.add(rate, cameras)
+        host.create_diagnostic("", lambda: self._fitness.diagnose(self._worker))
+
+    def on_reset(self) -> None:
+        """Forgets what was due."""
+        if self._schedule is not None:
+            self._schedule.clear()
+
+    def _declare(self, view: View, settings: ViewParameters) -> Publishers:
+        """Declares what a camera has, and returns its publishers in the order in which `CameraWork` takes them."""
+        host, name = self._host, view.name
+        image, depth = settings.image_topic or f"{name}/color", settings.depth_topic or f"{name}/depth"
+        try:
+            publishers: Publishers = [
+                host.create_publisher(Image, image, LATEST),
+                host.create_publisher(Image, depth, LATEST),
+                host.create_publisher(CameraInfo, settings.info_topic or f"{name}/camera_info", LATEST),
+                host.create_publisher(CompressedImage, f"{image}/compressed", LATEST),
+                host.create_publisher(CompressedImage, f"{depth}/compressedDepth", LATEST),
+            ]
+            if settings.segmentation != "none":
+                publishers.append(host.create_publisher(Image, f"{name}/segmentation", LATEST))
+            if settings.policy == "polled":
+                service = settings.trigger_service_name or f"{name}/trigger"
+                host.create_service(Trigger, service, lambda request, call: self._triggers.serve(name))
+        except PluginError as error:
+            raise PluginError(
+                f"camera {name!r}: {error}; rename the camera in the model, or set its topics below its name, or "
+                "policy: disabled"
+            ) from error
+        return publishers
+
+    def _stream(self, cameras: set[str]) -> None:
+        if not self._triggers.refusal:
+            self._worker.submit(map(stream_task, cameras))
+
+    def _ready(self, said: str) -> None:
+        first, self._fitness.renderer = not self._fitness.renderer, said
+        if first and "(in software)" in said:
+            self._host.logger.warning(
+                "%s: the processor draws, for want of a graphics card or of its driver; smaller images and lower rates "
+                "make that cheaper",
+                said,
+            )
+        elif first:
+            self._host.logger.info("%s", said)
+
+    def _done(self, job: Job, heard: dict[str, tuple[str, ...]]) -> None:
+        self._fitness.count(heard)
+        self._triggers.done(job, heard)
+
+    def _lost(self, tasks: frozenset[str], reason: str) -> None:
+        if self._worker.health.state == "unavailable" and not self._triggers.refusal:
+            self._triggers.refusal = f"cameras are off: {reason}"
+            advice = f"; `apt-get install {PACKAGES}` is what Debian and Ubuntu need" if NO_OPENGL in reason else ""
+            self._host.logger.warning("cameras are off, and the server runs on without them%s", advice)
+        self._triggers.lost(tasks, reason)
+
+
+def _views(host: Host, ids: dict[str, int], chosen: dict[str, ViewParameters]) -> list[View]:
+    """Returns what each camera shows.
+
+    Raises:
+        PluginError: A camera has no resolution.
+    """
+    model = host.model
+    without: list[str] = []
+    views: list[View] = []
+    for name, settings in chosen.items():
+        camera = ids[name]
+        resolution = model.cam_resolution[camera].tolist()
+        if resolution == _UNSET and not (settings.width and settings.height):
+            without.append(repr(name))
+            continue
+        width, height = settings.width or resolution[0], settings.height or resolution[1]
+        frame = f"{name}_frame" if settings.frame_name is None else settings.frame_name
+        intrinsics = intrinsics_of(model, camera, width, height)
+        views.append(View(name, camera, width, height, frame, intrinsics, settings.segmentation))
+    if without:
+        cameras = "camera " if len(without) == 1 else "cameras "
+        raise PluginError(
+            f"{cameras}{', '.join(without)} without a resolution, which is 1x1 to MuJoCo; give it in the model "
+            '(<camera … resolution="640 480"/>), or width and height below the name of the camera, or policy: disabled'
+        )
+    return views

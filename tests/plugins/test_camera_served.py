@@ -1,0 +1,102 @@
+"""`mjplug serve` with cameras: images of a process of their own, as clients see them."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from camera_scenes import (
+    FLOOR,
+    gl,  # noqa: F401 - a fixture
+    pixels,
+    plane_depth,
+    pose,
+    scene,
+)
+from cli.client import Client
+from cli.process import STARTING, Served
+from conftest import World
+from mujoco import MjModel
+
+from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
+
+EYE = '<camera name="eye" pos="0.3 -0.2 2" euler="35 20 10" resolution="64 48" fovy="70"/>'
+XML = scene(EYE, FLOOR)
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+
+
+@pytest.fixture
+def serve(tmp_path):
+    servers = []
+
+    def serve(camera, env=None, *arguments):
+        (tmp_path / "scene.xml").write_text(XML)
+        (tmp_path / "config.yaml").write_text(f"model: scene.xml\nplugins: {{cameras: {{type: camera, {camera}}}}}\n")
+        servers.append(Served("config.yaml", "--paused", *arguments, cwd=tmp_path, env=env))
+        return servers[-1]
+
+    yield serve
+    for server in servers:
+        server.kill()
+
+
+def worker_of(server):
+    """The id of the server's worker process."""
+    children = Path(f"/proc/{server.process.pid}/task").glob("*/children")
+    (worker,) = {int(child) for path in children for child in path.read_text().split()}
+    return worker
+
+
+@pytest.mark.usefixtures("gl")
+def test_in_lockstep_every_image_arrives_with_its_state_s_time(serve):
+    server = serve("sync: true, camera_publish_rate: 10")
+    with Client(server.endpoint) as client:
+        heard = {
+            topic: client.listen(f"cameras/eye/{topic}")
+            for topic in ("color", "depth", "camera_info", "color/compressed")
+        }
+        json = client.listen("cameras/eye/camera_info/@json")
+        client.do("mjplug/step_simulation", steps=120)
+        for stamp in (100_000_000, 200_000_000):
+            color, depth = (Image.from_cdr(heard[t].sample(STARTING).payload.to_bytes()) for t in ("color", "depth"))
+            info = CameraInfo.from_cdr(heard["camera_info"].sample().payload.to_bytes())
+            jpeg = CompressedImage.from_cdr(heard["color/compressed"].sample().payload.to_bytes())
+            assert {m.header.stamp.to_ns() for m in (color, depth, info, jpeg)} == {stamp}
+            assert {m.header.frame_id for m in (color, depth, info, jpeg)} == {"eye_frame"}
+            expected = plane_depth(info, *pose(World(MjModel.from_xml_string(XML))))
+            assert np.abs(pixels(depth) / expected - 1).max() < 1e-3
+            assert pixels(color).shape == (48, 64, 3)
+        assert json.next()["k"] == pytest.approx(info.k)
+    assert server.stop() == 0
+    assert "Traceback" not in server.err.text
+
+
+@pytest.mark.usefixtures("gl")
+def test_a_killed_process_is_replaced_and_triggers_go_on(serve):
+    server = serve("eye: {policy: polled}")
+    with Client(server.endpoint) as client:
+        depth = client.listen("cameras/eye/depth")
+        assert client.do("cameras/eye/trigger").endswith("; stamp 0.000000000")
+        os.kill(worker_of(server), signal.SIGKILL)
+        server.err.wait_for("it was killed by SIGKILL; it is started again", STARTING)
+        client.do("mjplug/step_simulation", steps=7)
+        depth.forget()
+        assert client.do("cameras/eye/trigger") == "published depth; stamp 0.014000000"
+        assert Image.from_cdr(depth.sample().payload.to_bytes()).header.stamp.to_ns() == 14_000_000
+    assert server.stop() == 0
+
+
+def test_without_opengl_the_server_runs_on_and_refuses_triggers(serve):
+    # As where the driver is missing.
+    server = serve("eye: {policy: polled}", {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_DIRS": "/nowhere"})
+    warning = server.err.wait_for("cameras are off, and the server runs on without them.*", STARTING)
+    assert "apt-get install libegl1 libgl1" in warning[0]
+    with Client(server.endpoint) as client:
+        answer = client.ask("cameras/eye/trigger")
+        assert not answer["success"]
+        assert "no OpenGL through EGL (apt-get install libegl1 libgl1): " in answer["message"]
+        client.do("mjplug/step_simulation", steps=10)
+    assert server.stop() == 0
+    assert "Traceback" not in server.err.text
