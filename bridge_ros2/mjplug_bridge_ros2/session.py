@@ -1,0 +1,88 @@
+"""The Zenoh session. It is a client, for which a router or server passes everything on, and sends no multicast."""
+
+import json
+import re
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import zenoh
+
+from mjplug_bridge_ros2.settings import Settings
+
+_RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
+"""How soon Zenoh looks for a server that was lost; its own waits grow to 4 s."""
+
+_PATIENCE_MS = 1000
+"""How long one attempt to connect may take [ms]."""
+
+_SOURCE_PLACE = re.compile(r" at /\S*?\.rs:\d+\.?")
+
+
+def configure(settings: Settings) -> zenoh.Config:
+    """Returns the configuration of the session.
+
+    Raises:
+        zenoh.ZError: The configuration file or an endpoint makes no sense.
+    """
+    config = zenoh.Config.from_file(settings.zenoh_config) if settings.zenoh_config else zenoh.Config()
+    _set(config, "mode", "client")
+    if settings.connect:
+        _set(config, "connect/endpoints", settings.connect)
+    _set(config, "connect/timeout_ms", _PATIENCE_MS)
+    _set(config, "connect/retry", _RETRY)
+    _set(config, "scouting/multicast/enabled", False)
+    return config
+
+
+class Connector:
+    """Tries to connect until it succeeds, in a thread; later losses are mended by Zenoh.
+
+    Args:
+        config: The configuration.
+        opened: Called with the session, on the thread.
+        failed: Called with the reason of each attempt that failed, on the thread.
+    """
+
+    def __init__(
+        self, config: zenoh.Config, opened: Callable[[zenoh.Session], None], failed: Callable[[str], None]
+    ) -> None:
+        self._config = config
+        self._opened = opened
+        self._failed = failed
+        self._stopping = threading.Event()
+        self._session: zenoh.Session | None = None
+        self._thread = threading.Thread(target=self._connect)
+
+    def start(self) -> None:
+        """Starts trying."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stops trying, or closes the session."""
+        # A thread that is in Zenoh when Python ends takes the process down.
+        self._stopping.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        if self._session is not None:
+            self._session.close()  # type: ignore[no-untyped-call]
+
+    def _connect(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                self._session = zenoh.open(self._config)
+            except zenoh.ZError as error:
+                self._failed(plain(error))
+                self._stopping.wait(_RETRY["period_init_ms"] / 1000)
+            else:
+                self._opened(self._session)
+                return
+
+
+def plain(error: zenoh.ZError) -> str:
+    """Returns what a Zenoh error says, without the places in its source code."""
+    return _SOURCE_PLACE.sub("", str(error)).strip()
+
+
+def _set(config: zenoh.Config, key: str, value: Any) -> None:
+    config.insert_json5(key, json.dumps(value))

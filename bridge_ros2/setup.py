@@ -1,0 +1,24 @@
+"""Installs the package where ROS 2 looks for it. Colcon runs this; pip is not needed."""
+
+from glob import glob
+
+from setuptools import setup
+
+NAME = "mjplug_bridge_ros2"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Maps the topics and services of an mjplug simulation server to ROS 2, whatever its RMW.",
+    license="Apache-2.0",
+    packages=[NAME],
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
+        (f"share/{NAME}/config", glob("config/*.yaml")),
+    ],
+    install_requires=["setuptools"],
+    entry_points={"console_scripts": [f"bridge = {NAME}.main:main"]},
+    zip_safe=True,
+)

@@ -1,0 +1,15 @@
+"""Runs the bridge as its entry point does, and tells at the end what it has imported besides the standard library."""
+
+import atexit
+import sys
+
+from mjplug_bridge_ros2.main import main
+
+
+def tell():
+    packages = {name.partition(".")[0] for name in sys.modules}
+    print("imported:", *sorted(packages - sys.stdlib_module_names), file=sys.stderr)
+
+
+atexit.register(tell)
+sys.exit(main())
