@@ -1,39 +1,31 @@
 """A connection to the servers of one network."""
 
 import atexit
-import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, TypeVar, overload
 
 import zenoh
 
-from mjplug.client import listing, request
-from mjplug.client.errors import ClientError, NoServerError, TimedOutError, UnknownNameError, WrongTypeError
-from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.client import request
+from mjplug.client.errors import TimedOutError, WrongTypeError
+from mjplug.client.graph import Graph
+from mjplug.client.listing import ServiceInfo, TopicInfo
 from mjplug.client.parameters import read as read_parameters
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import Subscription
 from mjplug.client.types import Fields, as_message, find, known, message_class
 from mjplug_schemas import names
-from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message
 
 M = TypeVar("M")
 
-_POLL = 0.05
-"""How often `wait_for` looks [s]."""
 
-
-class Client:
+class Client(Graph):
     """Reads, writes and calls what the servers of one network offer. Thread-safe.
 
     Names are ROS's: `/clock` is a full name, `clock` the same, `~/set_pause` is the server's: `/mjplug/set_pause`.
     Every call looks at what there is now, so a client may be older than the topics it uses.
-
-    Attributes:
-        session: The Zenoh session, for what this class has no method for.
-        endpoint: Where it is connected.
 
     Args:
         session: An open session; the client closes it.
@@ -42,9 +34,7 @@ class Client:
     """
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
-        self.session = session
-        self.endpoint = endpoint
-        self._server = server
+        super().__init__(session, endpoint, server)
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         # Zenoh's threads may outlive a program that forgets to close.
@@ -100,9 +90,10 @@ class Client:
             WrongTypeError: The topic has another type.
         """
         full, _, kind = self._choose(name, type)
-        if (full, kind) not in self._publishers:
-            self._publishers[full, kind] = Publisher(self.session, full, names.key(full), kind)
-        return self._publishers[full, kind]
+        publisher = self._publishers.get((full, kind))
+        if publisher is None or publisher.closed:
+            publisher = self._publishers[full, kind] = Publisher(self.session, full, names.key(full), kind)
+        return publisher
 
     def publish(self, name: str, message: Message | Fields, timeout: float = 5.0) -> None:
         """Sends one message to a topic, once somebody reads it.

@@ -123,15 +123,22 @@ class Graph:
             TimedOutError: It did not come in time.
         """
         until = time.monotonic() + timeout
-        full = self.resolve(name)
-        while True:
-            servers = self.servers().values()
-            for server in servers:
-                if found := server.topics.get(full) or server.services.get(full):
-                    return found
+        while (found := self._there(name)) is None:
             if time.monotonic() >= until:
-                raise TimedOutError(f"neither a topic nor a service {full} appeared within {timeout:g} s")
+                raise TimedOutError(f"neither a topic nor a service {name} appeared within {timeout:g} s")
             time.sleep(_POLL)
+        return found
+
+    def _there(self, name: str) -> TopicInfo | ServiceInfo | None:
+        try:
+            full = self.resolve(name)
+        except NoServerError:
+            # It may be about to start.
+            return None
+        for server in self.servers().values():
+            if found := server.topics.get(full) or server.services.get(full):
+                return found
+        return None
 
     def _name(self) -> str:
         if self._server:
@@ -146,7 +153,7 @@ class Graph:
             "or use full names"
         )
 
-    def known(self, kind: str, name: str, offered: dict[str, Any]) -> Any:
+    def _known(self, kind: str, name: str, offered: dict[str, Any]) -> Any:
         full = self.resolve(name)
         if full not in offered:
             raise UnknownNameError(kind, full, offered)

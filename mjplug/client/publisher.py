@@ -6,6 +6,7 @@ from typing import Any, Generic, TypeVar, cast
 import zenoh
 from zenoh.handlers import Callback
 
+from mjplug.client.errors import ClientError
 from mjplug.client.types import as_message, to_json
 from mjplug.wire.encoding import encoding_of
 
@@ -18,6 +19,7 @@ class Publisher(Generic[M]):
     Attributes:
         name: The topic's full name.
         type: The class of its messages; `dict` for nested dictionaries, which go out as JSON.
+        closed: Whether it has been closed.
 
     Args:
         session: The session.
@@ -29,6 +31,7 @@ class Publisher(Generic[M]):
     def __init__(self, session: zenoh.Session, name: str, key: str, type: type[M]) -> None:
         self.name = name
         self.type = type
+        self.closed = False
         # A variable of its own, which mypy does not narrow: dict is allowed too.
         self._class = cast(Any, type)
         json = type is dict
@@ -66,7 +69,10 @@ class Publisher(Generic[M]):
 
         Raises:
             WrongTypeError: It does not fit the topic's type.
+            ClientError: The publisher is closed.
         """
+        if self.closed:
+            raise ClientError(f"the publisher of {self.name} is closed")
         if self._class is dict:
             self._publisher.put(to_json(message))
         else:
@@ -74,10 +80,10 @@ class Publisher(Generic[M]):
 
     def close(self) -> None:
         """Stops publishing; a second call does nothing."""
-        publisher, self._publisher = self._publisher, None  # type: ignore[assignment]
-        if publisher is not None:
+        if not self.closed:
+            self.closed = True
             # zenoh's stubs leave the return type open.
-            publisher.undeclare()  # type: ignore[no-untyped-call]
+            self._publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> "Publisher[M]":
         return self

@@ -131,3 +131,29 @@ def test_a_command_whose_arrays_do_not_fit_is_told_in_the_diagnostics(served, co
     found = refusal(diagnostics.until(refusal))
     assert found.startswith("/robot_joint_commands: position has 1 numbers for 2 names")
     assert "a message on /robot_joint_commands was refused" in server.err.wait_for("refused.*").string
+
+
+def test_a_robot_starts_where_the_configuration_says_and_a_reset_brings_it_back_there(serve, connect, tmp_path):
+    (tmp_path / "start.xml").write_text(f'<key qpos="0.3 -0.2 0 0 {"0.5 0.5 -2 1 0 0 0 " * 2}" ctrl="0.3 -0.2 0"/>')
+    (tmp_path / "robot.yaml").write_text(
+        CONFIG.format(robot="arm", keyframe='""', speed="max", paused="true", rate=500.0).replace(
+            'keyframe: ""', "start_position_file: start.xml, initial_positions: {joint2: 0.4}"
+        )
+    )
+    client = connect(serve("robot.yaml"))
+    states = client.listen(f"{STATES}/@json")
+    began = []
+    for _ in range(2):
+        client.do("mjplug/step_simulation", steps=1)
+        began.append(states.next()["position"][:2])
+        client.do("mjplug/step_simulation", steps=100)
+        states.forget()
+        client.do("mjplug/reset_world")
+    assert began[0] == began[1] == pytest.approx([0.3, 0.4], abs=1e-3)
+
+
+def test_a_wrong_start_is_a_wrong_configuration(cli):
+    done = cli("serve", "bundled:arm", "--check", "--set", "sim.initial_positions={joint3: 0.1, joint1: 9.0}")
+    assert done.returncode == 3
+    assert "sim.initial_positions.joint3: unknown joint 'joint3', did you mean 'joint" in done.stderr
+    assert "sim.initial_positions.joint1: 9 is outside the joint's range" in done.stderr

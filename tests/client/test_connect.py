@@ -1,5 +1,6 @@
 """Getting onto a network, or hearing why not."""
 
+import json
 import socket
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from cli.process import Served, environment
 
 from mjplug.client import ClientError, NoServerError, UnknownNameError, connect
 from mjplug.wire.endpoints import on_free_port
+from mjplug_schemas.rosgraph_msgs import Clock
 
 ENDS = 20.0
 
@@ -129,3 +131,37 @@ def test_the_tilde_needs_a_choice_where_several_servers_are(server, tmp_path):
             connect(server.endpoint, server="/robot3/mjplug", timeout=0.0)
     finally:
         assert second.stop() == 0
+
+
+def test_a_subscription_outlives_a_restart_of_its_server(tmp_path):
+    listen = ("--listen", on_free_port("tcp/127.0.0.1:0"))
+    first = Served("bundled:box", cwd=tmp_path, listen=listen)
+    with connect(first.endpoint) as client, client.subscribe("/clock") as clock:
+        assert clock.next(ENDS) is not None
+        assert first.stop() == 0
+        # Its time is zero.
+        second = Served("bundled:box", "--paused", cwd=tmp_path, listen=listen)
+        try:
+            while clock.next(ENDS) != Clock():
+                pass
+            assert client.wait_for("~/set_pause").server == "/mjplug"
+            assert client.call("~/set_pause", paused=True).success
+        finally:
+            assert second.stop() == 0
+
+
+def test_a_password_comes_from_a_zenoh_configuration_file(tmp_path):
+    (tmp_path / "users.txt").write_text("simulator:secret\n")
+    login = {"user": "simulator", "password": "secret"}
+    (tmp_path / "server.json5").write_text(
+        json.dumps({"transport": {"auth": {"usrpwd": {**login, "dictionary_file": "users.txt"}}}})
+    )
+    (tmp_path / "client.json5").write_text(json.dumps({"transport": {"auth": {"usrpwd": login}}}))
+    server = Served("bundled:box", "--set", "zenoh.config=server.json5", cwd=tmp_path)
+    try:
+        with pytest.raises(NoServerError):
+            connect(server.endpoint, timeout=0.0)
+        with connect(server.endpoint, config=tmp_path / "client.json5") as client:
+            assert client.nodes() == ["/mjplug"]
+    finally:
+        assert server.stop() == 0

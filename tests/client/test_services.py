@@ -97,7 +97,7 @@ def test_a_wrench_is_waited_for_as_long_as_it_takes_at_the_speed_of_the_server(c
     try:
         began = time.monotonic()
         answer = client.call("/external_wrench/apply_wrench", push(0.4))
-        assert time.monotonic() - began == pytest.approx(0.8, abs=0.4)
+        assert 0.75 < time.monotonic() - began < PATIENCE
         assert answer.message == "applied 1 wrench, the longest for 0.4 s"
         assert waited[1:] == [pytest.approx(1.0 + 0.8)]
     finally:

@@ -105,6 +105,14 @@ def test_a_published_command_reaches_the_simulation(client):
     assert heard.next(PATIENCE) == Twist(linear=Vector3(x=2.0))
 
 
+def test_a_publisher_that_was_closed_is_replaced(client):
+    with client.publisher("/cmd_vel") as first:
+        assert client.publisher("/cmd_vel") is first
+    with pytest.raises(ClientError, match=r"the publisher of /cmd_vel is closed"):
+        first.publish(Twist())
+    client.publish("/cmd_vel", Twist())
+
+
 def test_topics_between_clients_need_no_server_that_knows_them(client):
     with client.subscribe("/chatter", String) as heard:
         client.publish("/chatter", String(data="hello"))
