@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -109,13 +110,14 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     from mjplug.offline import OfflineTransport, OfflineWorkers
 
     if check:
-        Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers()).cleanup()
+        Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
         typer.echo(f"ok · {summary}")
         return
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
     from mjplug.wire.session import SessionSettings
+    from mjplug.wire.topic_rates import TopicRates
     from mjplug.worker.workers import ProcessWorkers
 
     zenoh = settings.zenoh
@@ -126,12 +128,15 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
     workers = ProcessWorkers(wanted, network.session.endpoints)
     try:
-        server = Server(settings, simulation, network, plugins, workers)
+        server = Server(settings, simulation, network, plugins, workers, model.path)
     except BaseException:
         workers.close()
         network.close("the server could not start")
         raise
+    rates = TopicRates(network, perf_counter())
+    server.loop.on_second.insert(0, rates.look)
     server.diagnostics.add("wire", WireHealth(network).diagnose)
+    server.diagnostics.add("topics", rates.diagnose)
     with stopping_on_signals(server.loop):
         try:
             typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")

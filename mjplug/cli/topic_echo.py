@@ -9,7 +9,11 @@ from mjplug.cli.names import complete_topic
 from mjplug.cli.output import Format, complain, say
 
 if TYPE_CHECKING:
-    from mjplug.client import Client
+    from mjplug.cli.field_path import FieldPath
+    from mjplug.client import Client, Subscription
+
+SILENCE = 3.0
+"""After how long without a first message the reason is given [s]."""
 
 _DEPTH = 1000
 """How many messages may wait for a slow terminal."""
@@ -72,18 +76,46 @@ def echo(
         path.check(kind)
     left = 1 if once else count or 0
     with client.subscribe(topic, kind, depth=_DEPTH) as messages:
-        first = True
+        value = _part(_first(client, messages, timeout), path)
+        if format == "csv":
+            say(rendering.heading(value))
+        warned = False
         while True:
-            message = messages.next(timeout)
-            value = message if path is None else path.get(message)
-            if format == "csv" and first:
-                say(rendering.heading(value))
-            first = False
             say(rendering.text(value))
             if format == "yaml":
                 say("---")
             left -= 1
             if left == 0:
-                break
-        if messages.dropped:
-            complain(f"warning: {messages.dropped} messages came faster than they could be shown")
+                return
+            if messages.dropped and not warned:
+                warned = True
+                complain("warning: messages come faster than they can be shown; some are left out")
+            value = _part(messages.next(timeout), path)
+
+
+def _first(client: "Client", messages: "Subscription[Any]", timeout: float | None) -> Any:
+    """Returns the first message; whoever waits long for it hears why."""
+    from mjplug.client import TimedOutError
+    from mjplug.client.parameters import read
+
+    if timeout is not None and timeout <= SILENCE:
+        return messages.next(timeout)
+    try:
+        return messages.next(SILENCE)
+    except TimedOutError:
+        known = client.topics().get(messages.name)
+        if known is None or not known.publishers:
+            why = "no server publishes it"
+        elif all(read(client.session, name).get("sim.paused") for name in known.publishers):
+            why = "the simulation is paused (mjplug sim resume)"
+        else:
+            why = "nothing has been published yet"
+        complain(f"waiting for {messages.name}: {why}")
+    try:
+        return messages.next(None if timeout is None else timeout - SILENCE)
+    except TimedOutError:
+        raise TimedOutError(f"no message on {messages.name} within {timeout:g} s") from None
+
+
+def _part(message: Any, path: "FieldPath | None") -> Any:
+    return message if path is None else path.get(message)

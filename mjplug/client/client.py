@@ -25,7 +25,7 @@ class Client(Graph):
     """Reads, writes and calls what the servers of one network offer. Thread-safe.
 
     Names are ROS's: `/clock` is a full name, `clock` the same, `~/set_pause` is the server's: `/mjplug/set_pause`.
-    Every call looks at what there is now, so a client may be older than the topics it uses.
+    A client may be older than the topics and services it uses.
 
     Args:
         session: An open session; the client closes it.
@@ -37,6 +37,7 @@ class Client(Graph):
         super().__init__(session, endpoint, server)
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
+        self._called: dict[str, ServiceInfo] = {}
         # Zenoh's threads may outlive a program that forgets to close.
         atexit.register(self.close)
 
@@ -138,14 +139,17 @@ class Client(Graph):
             UnknownNameError: No server offers the service.
             WrongTypeError: The request is not of the service's type.
         """
-        service = self.service(name)
+        service = self._called.get(name) or self.service(name)
         kind = known(service.type)
         given = fields if message is None else message
         sent = given if kind is None else as_message(given, kind.Request)
         patience = request.patience(sent, self._speed(service, sent)) if timeout is None else timeout
         try:
             response = request.send(self.session, service, sent, kind, patience)
+            # Looking it up takes longer than calling it.
+            self._called[name] = service
         except TimedOutError as error:
+            self._called.pop(name, None)
             raise TimedOutError(f"{error}{self._excuse(service)}") from None
         if check:
             request.check(service, response)

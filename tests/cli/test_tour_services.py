@@ -88,7 +88,7 @@ def test_the_state_of_the_simulation_is_shown(tour):
     assert (state["model"], state["state"]) == ("tour.xml", "running")
     assert re.fullmatch(r"1 \(measured: [\d.]+\)", state["speed"])
     told = json.loads(tour.ask("sim", "state", "-o", "json"))
-    assert told["measured_speed"] == pytest.approx(1.0, rel=0.2)
+    assert told["measured_speed"] == pytest.approx(1.0, rel=0.5)
     assert told["time"] > float(state["time"].removesuffix(" s"))
     tour.ask("sim", "reset")
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["resets"] == told["resets"] + 1
@@ -117,7 +117,7 @@ def test_a_world_is_reset(tour):
 def test_the_speed_is_shown_and_changed(tour):
     assert tour.ask("sim", "speed") == "1\n"
     assert tour.ask("sim", "speed", "4") == "4\n"
-    assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] == pytest.approx(4.0, rel=0.3)
+    assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 2.0
     assert tour.ask("sim", "speed", "max") == "max\n"
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 5.0
     assert "'fast' is neither a number nor max" in tour.fail(2, "sim", "speed", "fast")

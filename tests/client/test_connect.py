@@ -10,7 +10,7 @@ import pytest
 import zenoh
 from cli.process import Served, environment
 
-from mjplug.client import ClientError, NoServerError, UnknownNameError, connect
+from mjplug.client import ClientError, NoServerError, TimedOutError, UnknownNameError, connect
 from mjplug.wire.endpoints import on_free_port
 from mjplug_schemas.rosgraph_msgs import Clock
 
@@ -138,7 +138,14 @@ def test_a_subscription_outlives_a_restart_of_its_server(tmp_path):
     first = Served("bundled:box", cwd=tmp_path, listen=listen)
     with connect(first.endpoint) as client, client.subscribe("/clock") as clock:
         assert clock.next(ENDS) is not None
+        assert client.call("~/set_pause", paused=False).success
         assert first.stop() == 0
+        with pytest.raises(
+            TimedOutError, match=r"/mjplug/set_pause did not answer; its server /mjplug may have stopped"
+        ):
+            client.call("~/set_pause", paused=False)
+        with pytest.raises(NoServerError, match=r"no mjplug server is on the network of tcp/\S+ any more"):
+            client.call("~/set_pause", paused=False)
         # Its time is zero.
         second = Served("bundled:box", "--paused", cwd=tmp_path, listen=listen)
         try:
