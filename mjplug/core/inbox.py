@@ -13,16 +13,25 @@ LONGEST_WAIT = 3600.0
 class Inbox:
     """A queue of calls to make on the physics thread.
 
-    `post` may be called from any thread, the rest only from the loop's.
+    `post` and `interrupt` may be called from any thread, the rest only from the loop's.
+
+    Attributes:
+        interrupted: Whether the loop is to end, so that nothing on its thread should wait for long any more.
     """
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Task] = SimpleQueue()
         self.empty = self._queue.empty
+        self.interrupted = False
 
     def post(self, task: Task) -> None:
         """Queues a call; wakes the loop if it waits."""
         self._queue.put(task)
+
+    def interrupt(self, stop: Task) -> None:
+        """Queues the call that ends the loop. May be called from a signal handler too, at any point of the loop."""
+        self.interrupted = True
+        self.post(stop)
 
     def drain(self, seconds: float) -> None:
         """Runs what was queued when it was called, but begins nothing after `seconds` [s]: steps must be taken too."""
@@ -35,7 +44,15 @@ class Inbox:
     def wait(self, seconds: float) -> None:
         """Waits for a call and runs it, for at most `seconds` [s] and never longer than `LONGEST_WAIT`."""
         try:
-            task = self._queue.get(timeout=min(seconds, LONGEST_WAIT))
+            task = self._next(min(seconds, LONGEST_WAIT))
         except Empty:
             return
         task()
+
+    def _next(self, seconds: float) -> Task:
+        # Before Python 3.13, `get` may wait for ever when its time is over as it begins and the last call was taken
+        # without waiting for it. Asking in vain first puts that right.
+        try:
+            return self._queue.get_nowait()
+        except Empty:
+            return self._queue.get(timeout=seconds)

@@ -121,13 +121,14 @@ def hold_pose(simulation: Simulation, joints: Collection[str] | None = None) -> 
             continue
         before = data.ctrl[actuator], data.act.copy()
         target = law.control(float(data.actuator_length[actuator]))
+        if not integrates:
+            if model.actuator_ctrllimited[actuator]:
+                low, high = model.actuator_ctrlrange[actuator].tolist()
+                target = min(max(target, low), high)
+            data.ctrl[actuator] = target
         if model.actuator_actnum[actuator]:
             # An activation follows the control only in time, and with an integrator it is the target itself.
             data.act[model.actuator_actadr[actuator] + model.actuator_actnum[actuator] - 1] = target
-        if not integrates:
-            low, high = model.actuator_ctrlrange[actuator].tolist()
-            limited = bool(model.actuator_ctrllimited[actuator])
-            data.ctrl[actuator] = min(max(target, low), high) if limited else target
         changed += before[0] != data.ctrl[actuator] or bool((before[1] != data.act).any())
     return changed
 

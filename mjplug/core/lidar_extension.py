@@ -12,11 +12,12 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 from xml.parsers.expat import ExpatError
-from xml.sax.saxutils import quoteattr
 
 import mujoco
+import numpy as np
 
 from mjplug.core import lidar_attributes
 from mjplug.core.xml_positions import Edit, Element, edited, parse
@@ -30,6 +31,7 @@ _ROOTS = ("mujoco", "mujocoinclude")
 
 _TEXT = re.compile(rf"(.*){re.escape(PLUGIN)}: (.*)", re.DOTALL)
 _KEPT = ("name", "objtype", "objname", "noise", "user")
+_SITE = "site"
 
 _log = logging.getLogger(__name__)
 
@@ -60,14 +62,28 @@ def lidar_sensors(model: mujoco.MjModel) -> dict[str, LidarSensor]:
         match = _TEXT.fullmatch(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, text) or "")
         if match is None:
             continue
-        # MuJoCo puts the prefix of an attached model before the names of sensor and text alike.
-        name = match[1] + match[2]
-        sensor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
-        if sensor >= 0:
-            start = model.text_adr[text]
-            data = bytes(model.text_data[start : start + model.text_size[text]]).rstrip(b"\0")
-            found[name] = LidarSensor(name, int(model.sensor_objid[sensor]), json.loads(data))
+        start = model.text_adr[text]
+        data = bytes(model.text_data[start : start + model.text_size[text]]).rstrip(b"\0")
+        attributes = json.loads(data)
+        # MuJoCo puts the prefix of an attached model before the names of sensor, site and text alike.
+        name, site = match[1] + match[2], match[1] + attributes.pop(_SITE, "")
+        for called, sensor in _sensors_called(model, name, site):
+            found[called] = LidarSensor(called, int(model.sensor_objid[sensor]), dict(attributes))
     return found
+
+
+def _sensors_called(model: mujoco.MjModel, name: str, site: str) -> Iterator[tuple[str, int]]:
+    """Yields the sensor of a name, or those that `replicate` has made of it, as it has made more of its site."""
+    exact = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
+    if exact >= 0:
+        yield name, exact
+        return
+    for sensor in np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER).tolist():
+        called = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor) or ""
+        at = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SITE, int(model.sensor_objid[sensor])) or ""
+        # Both get the same number, with a separator before it that may be anything.
+        if called.startswith(name) and at == site + called.removeprefix(name):
+            yield called, sensor
 
 
 def overlay(path: str, read: Read) -> dict[str, bytes]:
@@ -167,10 +183,11 @@ def _replaced(sensor: Element, where: str, instances: dict[str, Element]) -> tup
     configs = (sensor if instance is None else instances[instance]).children
     written = {c.attributes.get("key", ""): c.attributes.get("value", "") for c in configs if c.tag == "config"}
     attributes = lidar_attributes.validated(written, where)
-    kept = "".join(f" {key}={quoteattr(sensor.attributes[key])}" for key in _KEPT if key in sensor.attributes)
+    kept = "".join(f' {key}="{escape(sensor.attributes[key])}"' for key in _KEPT if key in sensor.attributes)
     # One number, which nobody writes: MuJoCo goes over all numbers of a sensor at every step.
     user = f'<user{kept} dim="1" needstage="acc" datatype="real"/>'
     if not name:
         _log.warning("%s is not published", where)
         return user, []
-    return user, [f"<text name={quoteattr(f'{PLUGIN}: {name}')} data={quoteattr(json.dumps(attributes))}/>"]
+    data = json.dumps({_SITE: sensor.attributes["objname"], **attributes})
+    return user, [f'<text name="{escape(f"{PLUGIN}: {name}")}" data="{escape(data)}"/>']

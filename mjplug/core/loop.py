@@ -3,10 +3,6 @@
 import logging
 from collections.abc import Callable, Generator
 from time import perf_counter
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from mjplug.core.divergence import Divergence
 from mjplug.core.inbox import Inbox
@@ -16,8 +12,8 @@ from mjplug.core.reset import Reset
 from mjplug.core.scheduler import NEVER, Scheduler, Slow
 from mjplug.core.simulation import Simulation
 from mjplug.core.step_goals import StepGoals
+from mjplug.core.steppers import Steppers
 from mjplug.core.timing import Timing
-from mjplug.core.velocity import VelocityOverride
 from mjplug.errors import MjplugError, RequestError
 from mjplug.transport import Call
 from mjplug_schemas.message import Message
@@ -33,19 +29,6 @@ _LARGEST_BATCH = 10_000
 _log = logging.getLogger(__name__)
 
 
-class Stepper(Protocol):
-    """Something that must run before every step while it is active."""
-
-    def update(self) -> None:
-        """Writes controls, forces or velocity overrides for the coming step."""
-
-    def on_reset(self) -> None:
-        """Forgets what belonged to the state before the reset."""
-
-    def failed(self, error: Exception) -> None:
-        """Takes an exception that `update` raised; the stepper has been deactivated."""
-
-
 class Loop:
     """Owns the simulation and runs everything that touches it, in one thread.
 
@@ -55,6 +38,7 @@ class Loop:
     Attributes:
         simulation: The model and its state.
         scheduler: Timers and waiting requests.
+        steppers: What must run before every step.
         inbox: Where other threads post calls.
         pacer: Wall-clock pacing.
         goals: Steps to take, at full speed, while paused.
@@ -78,47 +62,23 @@ class Loop:
     ) -> None:
         self.simulation = simulation
         self.scheduler = Scheduler()
+        self.steppers = Steppers(simulation)
         self.inbox = Inbox()
         self.pacer = Pacer(simulation.time, speed)
         self.paused = paused
-        self._override: VelocityOverride | None = None
         self.on_reset: list[Callable[[], None]] = []
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
         self.on_second: list[Callable[[float], None]] = [self.recovery.report_held]
         self.timing = Timing()
+        self.goals = StepGoals()
         self.failure: MjplugError | None = None
         self.last_step = NEVER
-        self._steppers: list[Stepper] = []
-        self._active: tuple[Stepper, ...] = ()
-        self.goals = StepGoals()
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
         self._second_at = 0.0
-
-    @property
-    def velocity_override(self) -> NDArray[np.float64]:
-        """Shape (nv,); NaN before each round of updates; finite entries replace velocities right before the step.
-
-        It is looked at from its first use on, so that a server without such plugins does not pay for it.
-        """
-        if self._override is None:
-            self._override = VelocityOverride(self.simulation.data.qvel)
-        return self._override.vector
-
-    def add(self, stepper: Stepper) -> None:
-        """Adds a stepper, inactive. Steppers are updated and told of resets in the order in which they were added."""
-        self._steppers.append(stepper)
-
-    def activate(self, stepper: Stepper) -> None:
-        """Calls the stepper's `update` before every step from now on."""
-        self._set_active({*self._active, stepper})
-
-    def deactivate(self, stepper: Stepper) -> None:
-        """Stops calling the stepper's `update`."""
-        self._set_active({*self._active} - {stepper})
 
     def serve(self, call: Call, handler: Callable[[Message, Call], Message | Slow], owner: object = None) -> None:
         """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over.
@@ -157,9 +117,7 @@ class Loop:
         reset.apply(self.simulation)
         self.goals.give_up("cancelled: the world was reset")
         self.scheduler.close_jobs("cancelled: the world was reset")
-        self.simulation.clear_forces()
-        for stepper in self._steppers:
-            stepper.on_reset()
+        self.steppers.on_reset()
         self.scheduler.rephase(self.simulation.step)
         self._anchor()
         for callback in self.on_reset:
@@ -213,7 +171,7 @@ class Loop:
                 self._advance(due)
             else:
                 wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
-                self.inbox.wait(max(0.0, min(self.pacer.deadline(wake), self._second_at) - now))
+                self._wait(min(self.pacer.deadline(wake), self._second_at) - now)
 
     def _second(self, now: float) -> float:
         """Calls `on_second`; returns the wall time afterwards [s]."""
@@ -228,7 +186,12 @@ class Loop:
             self._idle_at = now + SECOND
             for callback in self.on_idle:
                 callback()
-        self.inbox.wait(max(0.0, min(self._idle_at, self._second_at) - now))
+        self._wait(min(self._idle_at, self._second_at) - now)
+
+    def _wait(self, seconds: float) -> None:
+        """Waits for a posted call, and runs it."""
+        self.inbox.wait(max(0.0, seconds))
+        self.simulation.positions_changed()
 
     def _poll(self) -> bool:
         """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""
@@ -256,7 +219,7 @@ class Loop:
         """Takes at most one batch of steps towards `target`; False: a divergence forbids to go on."""
         simulation, began = self.simulation, perf_counter()
         first, target = simulation.step, min(target, self.last_step)
-        if self._active:
+        if self.steppers.active:
             divergence = self._step_actively(min(target, first + self._batch))
         else:
             steps = min(target, self.scheduler.next_due) - first
@@ -276,42 +239,25 @@ class Loop:
 
     def _step_actively(self, target: int) -> Divergence | None:
         """Takes steps with updates before each, until `target`, a due step or a posted call."""
-        simulation, scheduler, nothing_posted = self.simulation, self.scheduler, self.inbox.empty
+        simulation, steppers, scheduler, nothing_posted = (
+            self.simulation,
+            self.steppers,
+            self.scheduler,
+            self.inbox.empty,
+        )
         while True:
             # Before the updates, so that a bad velocity override is undone too.
             simulation.checkpoint()
-            self._update()
+            steppers.update()
             if self._stopping:
                 return None
-            if self._override is not None:
-                self._override.apply()
+            steppers.override()
             divergence = simulation.advance(1)
             step = simulation.step
             if divergence is not None or step >= target or step >= scheduler.next_due:
                 return divergence
-            if not self._active or not nothing_posted():
+            if not steppers.active or not nothing_posted():
                 return None
-
-    def _update(self) -> None:
-        """Lets the active steppers write what the coming step needs; when one fails, the others begin anew."""
-        while True:
-            self.simulation.clear_forces()
-            if self._override is not None:
-                self._override.clear()
-            for stepper in self._active:
-                try:
-                    stepper.update()
-                except Exception as error:
-                    self.deactivate(stepper)
-                    stepper.failed(error)
-                    break
-            else:
-                return
-
-    def _set_active(self, active: set[Stepper]) -> None:
-        self._active = tuple(s for s in self._steppers if s in active)
-        if not self._active:
-            self.simulation.clear_forces()
 
     def _anchor(self) -> None:
         self.pacer.anchor(self.simulation.step, perf_counter())

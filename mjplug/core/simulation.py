@@ -66,6 +66,7 @@ class Simulation:
         self._qvel = doubles(self.data.qvel)
         self._holds: list[VelocityHold] = []
         self._holders: dict[int, str] = {}
+        self._controllers: dict[int, str] = {}
 
     @property
     def time_ns(self) -> int:
@@ -123,6 +124,11 @@ class Simulation:
         hold = VelocityHold(dofs, self.model.nv, self._holds)
         others = {self._holders.setdefault(dof, owner) for dof in dofs} - {owner}
         return hold, others
+
+    def claim_controls(self, actuators: Sequence[int], owner: str) -> dict[int, str]:
+        """Notes who sets the controls of some actuators; returns those that others have claimed before, and who."""
+        claimed = {actuator: self._controllers.setdefault(actuator, owner) for actuator in actuators}
+        return {actuator: other for actuator, other in claimed.items() if other != owner}
 
     def clear_forces(self) -> None:
         """Sets `xfrc_applied` and `qfrc_applied` to zero."""

@@ -46,7 +46,7 @@ class VelocityHold:
         # The sum is the quicker look, but finite numbers may overflow in it.
         if len(velocities) != len(self.dofs) or not isfinite(sum(velocities)):
             self._check(velocities)
-        if not self.velocities:
+        if velocities and not self.velocities:
             self._holding.append(self)
         self.velocities = velocities
 

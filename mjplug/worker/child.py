@@ -75,20 +75,17 @@ def _log_through(line: _Line, setup: Setup) -> None:
 
 
 def _run(line: _Line, setup: Setup, logger: logging.Logger) -> int:
-    model, assignment = line.receive(), line.receive()
-    if model is None or assignment is None:
-        return 0
     try:
         import mujoco  # noqa: F401, PLC0415 - with some values of MUJOCO_GL and without their libraries, this fails
     except Exception as error:
         backend = os.environ.get("MUJOCO_GL")
         how = f" with MUJOCO_GL={backend}" if backend else ""
-        line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", unavailable=True))
+        line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", hopeless=True))
         return 1
     if setup.background:
         # Before anything makes threads, which inherit it; after the imports, which would take long on a busy machine.
         background.give_way()
-    performer = _open(line, setup, model, assignment, logger)
+    performer = _open(line, setup, logger)
     if performer is None:
         return 1
     try:
@@ -97,10 +94,15 @@ def _run(line: _Line, setup: Setup, logger: logging.Logger) -> int:
         performer.close()
 
 
-def _open(line: _Line, setup: Setup, model: bytes, assignment: bytes, logger: logging.Logger) -> "Performer | None":
+def _open(line: _Line, setup: Setup, logger: logging.Logger) -> "Performer | None":
+    from mjplug.errors import WireError  # noqa: PLC0415
     from mjplug.work import UnavailableError  # noqa: PLC0415 - imports MuJoCo
     from mjplug.worker.performer import Performer  # noqa: PLC0415
 
+    # Large, and not needed beyond this function.
+    model, assignment = line.receive(), line.receive()
+    if model is None or assignment is None:
+        return None
     performer = None
     try:
         performer = Performer(unpack(assignment), model, setup.states)
@@ -109,10 +111,11 @@ def _open(line: _Line, setup: Setup, model: bytes, assignment: bytes, logger: lo
         if performer is not None:
             performer.close()
         if isinstance(error, UnavailableError):
-            line.send(Failed(str(error), unavailable=True))
+            line.send(Failed(str(error), hopeless=True))
         else:
             logger.exception("the work could not be opened")
-            line.send(Failed(f"it could not be opened: {error!r}"))
+            # The network may let it in another time; what the work raises now, it raises again.
+            line.send(Failed(f"it could not be opened: {error!r}", hopeless=not isinstance(error, WireError)))
         return None
     gc.collect()
     gc.freeze()

@@ -6,11 +6,15 @@ hands the waiting one over, without waiting for the physics thread, which may be
 
 import threading
 from collections.abc import Callable
+from time import monotonic
 from typing import Any
 
 from numpy.typing import NDArray
 
 from mjplug.work import Job
+
+_GLANCE = 0.1
+"""How often a wait looks whether it is interrupted [s]."""
 
 Send = Callable[[int, Job], bool]
 """Tells a ready process to perform a job in a slot; False if it is gone."""
@@ -90,19 +94,23 @@ class Handover:
             self._unsettled = self._waiting is not None or self._under_way is not None
             self._changed.notify_all()
 
-    def settle(self, patience: float) -> bool:
-        """Waits until everything has been performed or lost, and reported. Physics thread.
+    def settle(self, patience: float, interrupted: Callable[[], bool]) -> bool:
+        """Waits until everything has been performed or lost, and reported, or the wait is interrupted. Physics thread.
 
         Args:
             patience: How long nothing at all may happen [s].
+            interrupted: Asked now and then whether to wait no longer.
 
         Returns:
             False when nothing happened for so long.
         """
         with self._changed:
-            while self._unsettled:
+            until = monotonic() + patience
+            while self._unsettled and not interrupted():
                 # Every event wakes it, and is progress.
-                if not self._changed.wait(patience):
+                if self._changed.wait(min(patience, _GLANCE)):
+                    until = monotonic() + patience
+                elif monotonic() >= until:
                     return False
             return True
 

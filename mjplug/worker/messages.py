@@ -51,11 +51,11 @@ class Failed(NamedTuple):
 
     Attributes:
         reason: Why, in one sentence.
-        unavailable: Whether it was the work that said so, when it was opened.
+        hopeless: Whether another process in the same environment would come no further.
     """
 
     reason: str
-    unavailable: bool = False
+    hopeless: bool = False
 
 
 def write(fd: int, payload: bytes) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import IO, Any
 
 from mjplug.work import Job
-from mjplug.worker.messages import Setup, pack, read, unpack, write
+from mjplug.worker.messages import Failed, Setup, pack, read, unpack, write
 
 _DYING = 1.0
 """How long a process may take to end after its last word [s]."""
@@ -32,7 +32,8 @@ class WorkerProcess:
         else:
             apart = {"process_group": 0, "pass_fds": inherited}
         self._popen = subprocess.Popen(
-            [sys.executable, "-m", "mjplug.worker"],
+            # Without the current folder: a `queue.py` that lies there is not Python's.
+            [sys.executable, "-P", "-m", "mjplug.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
@@ -59,24 +60,41 @@ class WorkerProcess:
         return True
 
     def receive(self) -> Any:
-        """Waits for its next message; None when it has ended."""
+        """Waits for its next message; None when it has ended. What cannot be understood ends it."""
         payload = read(self._output)
-        return None if payload is None else unpack(payload)
+        if payload is None:
+            return None
+        try:
+            return unpack(payload)
+        except Exception as error:
+            # A report may pickle, and then not unpickle: exceptions with arguments of their own are like that.
+            self.kill()
+            return Failed(f"what came from the process cannot be unpickled: {error!r}")
 
     def hang_up(self) -> None:
         """Asks a ready process to end after its present job; nothing may be sent any more."""
         self._stdin.close()
 
     def kill(self) -> None:
-        """Ends it at once."""
-        self._popen.kill()
+        """Ends it at once, with what it has started, since that may have its pipes too."""
+        if sys.platform == "win32":
+            self._popen.kill()
+        elif self._popen.returncode is None:
+            # Not waited for yet, so that the number of its group is no other's.
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._popen.pid, signal.SIGKILL)
+
+    @property
+    def killed(self) -> bool:
+        """Whether it has been ended from outside, as the kernel does when memory runs out."""
+        return sys.platform != "win32" and self._popen.returncode == -signal.SIGKILL
 
     def end(self) -> str:
-        """Sees to it that it has ended, and returns how, for the log."""
+        """Sees to it that it has ended, and returns how, for the log. Nothing may be sent any more."""
         try:
             code = self._popen.wait(_DYING)
         except subprocess.TimeoutExpired:
-            self._popen.kill()
+            self.kill()
             code = self._popen.wait()
         self._stdin.close()
         self._output.close()
@@ -85,8 +103,7 @@ class WorkerProcess:
 
 def environment(changes: Mapping[str, str]) -> dict[str, str]:
     """Returns the server's environment with some changes; an empty value takes a variable away."""
-    merged = {**os.environ, **changes}
-    return {name: value for name, value in merged.items() if changes.get(name, value) or name not in changes}
+    return {name: value for name, value in {**os.environ, **changes}.items() if value or name not in changes}
 
 
 def _pipe(stream: IO[bytes] | None) -> IO[bytes]:

@@ -31,12 +31,21 @@ PATIENCE = 40.0
 """How long `submit` of a `sync` order waits while nothing at all happens [s]; longer than any of `PAUSES`."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Life:
-    """How one process fared: why it ended, and how long it had been open [s]; None if its work was never opened."""
+    """How one process fared.
 
-    reason: str
-    open_for: float | None = None
+    Attributes:
+        reason: Why it ended.
+        opened_at: When its work was opened, by `monotonic` [s]; None if it never was.
+        hopeless: Whether another one in the same environment would come no further.
+        lost: The tasks that were lost with it.
+    """
+
+    reason: str = ""
+    opened_at: float | None = None
+    hopeless: bool = False
+    lost: frozenset[str] = frozenset()
 
 
 class ProcessWorker:
@@ -85,7 +94,7 @@ class ProcessWorker:
         simulation, wanted = self._simulation, frozenset(tasks)
         if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
             self._post_lost(wanted, self.health.reason)
-        elif self._order.sync and not self._handover.settle(PATIENCE):
+        elif self._order.sync and not self._handover.settle(PATIENCE, self._interrupted):
             reason = f"nothing came from the process for {PATIENCE:g} s"
             self._logger.error("%s; it is ended, and the simulation goes on", reason)
             self._lose(self._handover.disconnect(keep_waiting=False), reason)
@@ -117,7 +126,6 @@ class ProcessWorker:
         except Exception:
             self._logger.exception("the worker process cannot be looked after any more")
             self._give_up("an internal error; see the log")
-            self._kill()
 
     def _keep_alive(self) -> None:
         """Keeps one process running until the server stops, or until it is clear that the work cannot be done here."""
@@ -126,14 +134,19 @@ class ProcessWorker:
             life = self._try_environments()
             if self._closing.is_set():
                 return
-            if life.open_for is None and not opened_before:
-                self._logger.warning("this cannot be done on this machine: %s", life.reason)
+            if life.hopeless and not opened_before:
+                self._logger.warning(
+                    "this cannot be done on this machine: %s; the server runs on without it", life.reason
+                )
                 self._give_up(life.reason)
                 return
-            opened_before = True
-            # What waits is given one more chance.
-            lost = self._handover.disconnect(keep_waiting=life.open_for is not None)
-            failures = 1 if (life.open_for or 0.0) > PROVEN else failures + 1
+            lost = life.lost
+            if life.opened_at is None:
+                # What waited for a process that was open is given one more chance; others would wait for ever.
+                lost |= self._handover.disconnect(keep_waiting=False)
+            proven = life.opened_at is not None and monotonic() - life.opened_at > PROVEN
+            opened_before |= life.opened_at is not None
+            failures = 1 if proven else failures + 1
             pause = PAUSES[min(failures, len(PAUSES)) - 1]
             self._note("restarting", life.reason)
             self._logger.error("the worker process: %s; it is started again in %g s", life.reason, pause)
@@ -142,37 +155,49 @@ class ProcessWorker:
             self.health.restarts += 1
 
     def _try_environments(self) -> _Life:
-        """Runs processes, in one environment after the other, until one has run whose work was opened."""
+        """Runs processes, in one environment after the other, until one has run for which there was hope."""
         reasons: list[str] = []
         environments = self._order.environments
         for changes in environments:
             life = self._live(changes)
-            if life.open_for is not None or self._closing.is_set():
+            if not life.hopeless or self._closing.is_set():
                 return life
             named = ", ".join(f"{name}={value}" for name, value in changes.items() if value)
             reasons.append(f"{named}: {life.reason}" if named and len(environments) > 1 else life.reason)
             self._logger.debug("not available: %s", reasons[-1])
-        return _Life("; ".join(reasons))
+        return _Life("; ".join(reasons), hopeless=True)
 
     def _live(self, changes: Mapping[str, str]) -> _Life:
         """Runs one process from its start to its end."""
         with self._guard:
             if self._closing.is_set():
                 return _Life("the server is stopping")
-            process = self._process = WorkerProcess(changes, self._states.inherited)
+            try:
+                process = self._process = WorkerProcess(changes, self._states.inherited)
+            except OSError as error:
+                # There may be memory and processes to spare again.
+                return _Life(f"it could not be started: {error}")
+        life = _Life()
         try:
-            return self._listen(process)
+            self._listen(process, life)
         finally:
+            # First, since the number of its pipe may be another file's as soon as it is closed.
+            life.lost = self._handover.disconnect(keep_waiting=True)
+            ended = process.end()
             with self._guard:
                 self._process, self._ready = None, False
+        self._handover.report()
+        if not life.reason:
+            life.reason = ended
+            life.hopeless = life.opened_at is None and not process.killed
+        return life
 
-    def _listen(self, process: WorkerProcess) -> _Life:
+    def _listen(self, process: WorkerProcess, life: _Life) -> None:
+        """Tells a process who it is, and takes what it says to its end."""
         level = self._logger.getEffectiveLevel()
         handle, background = self._states.handle, not self._order.sync
         setup = Setup(self._order.name, os.getpid(), tuple(sys.path), level, handle, background)
         process.begin(setup, self._model, self._assignment)
-        opened_at: float | None = None
-        reason = ""
         while (message := process.receive()) is not None:
             match message:
                 case logging.LogRecord():
@@ -180,13 +205,10 @@ class ProcessWorker:
                 case Done(report):
                     self._finish(report)
                 case Ready(said):
-                    opened_at = monotonic()
+                    life.opened_at = monotonic()
                     self._open(process, said)
-                case Failed(said):
-                    reason = said
-        ended = process.end()
-        self._handover.report()
-        return _Life(reason or ended, None if opened_at is None else monotonic() - opened_at)
+                case Failed(reason, hopeless):
+                    life.reason, life.hopeless = reason, hopeless
 
     def _open(self, process: WorkerProcess, said: str) -> None:
         with self._guard:
@@ -224,6 +246,9 @@ class ProcessWorker:
 
     def _note(self, state: str, reason: str) -> None:
         self.health.state, self.health.reason = state, reason
+
+    def _interrupted(self) -> bool:
+        return self._inbox.interrupted
 
     def _kill(self) -> None:
         with self._guard:

@@ -63,6 +63,7 @@ class ProcessWorkers:
         until = monotonic() + _PARTING
         for worker in self._workers:
             worker.end(until)
+        self._workers.clear()
 
 
 def _own(name: str, publisher: Publisher[Any]) -> WirePublisher[Any]:

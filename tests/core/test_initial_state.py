@@ -159,6 +159,16 @@ def test_whatever_holds_a_position_holds_the_initial_one(initial, tmp_path):
     assert simulation.data.ctrl[1] == simulation.data.ctrl[3] == 0.0
 
 
+def test_a_servo_that_cannot_reach_its_pose_is_told_the_nearest_with_its_activation_alike(tmp_path):
+    model = mujoco.MjModel.from_xml_string("""
+    <mujoco><worldbody><body><joint name="a" type="slide"/><geom size=".1"/></body></worldbody>
+      <actuator><position joint="a" kp="5" timeconst=".5" ctrlrange="-.2 .2"/></actuator></mujoco>""")
+    (tmp_path / "robot.yaml").write_text("model: x.xml\nsim: {initial_positions: {a: 0.5}}\n")
+    simulation = Simulation(model)
+    take_starting_pose(simulation, load(tmp_path / "robot.yaml", environ={}))
+    assert (simulation.data.ctrl[0], simulation.data.act[0]) == (0.2, 0.2)
+
+
 def test_the_quadruped_stands_without_a_keyframe(tmp_path):
     (tmp_path / "robot.yaml").write_text("model: bundled:quadruped\n")
     heights = []

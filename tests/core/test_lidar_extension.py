@@ -155,6 +155,20 @@ def test_an_attached_model_brings_its_lidars_under_its_prefix(here):
     assert lidar_sensors(model)["left_scan"].site == model.site("left_s").id
 
 
+def test_a_replicated_site_has_a_lidar_for_each_copy(here):
+    rig = '<replicate count="11" offset="1 0 0"><site name="s"/></replicate>'
+    pairs = '<replicate count="2" offset="0 1 0" sep="-"><body name="pole"><site name="t"/></body></replicate>'
+    sensors = inline(config()) + inline(config(max_range=7), 'name="scan1"', 'objtype="site" objname="t"')
+    text = scene(sensors).replace('<site name="s"/>', "").replace("</worldbody>", f"{rig}{pairs}</worldbody>")
+    model = loaded(here, text)
+    found = lidar_sensors(model)
+    numbers = [f"{i:02}" for i in range(11)]
+    assert list(found) == [f"scan{number}" for number in numbers] + ["scan1-0", "scan1-1"]
+    assert [found[f"scan{number}"].site for number in numbers] == [model.site(f"s{number}").id for number in numbers]
+    assert [found[f"scan1-{i}"].attributes["max_range"] for i in range(2)] == [7, 7]
+    assert found["scan10"].attributes["max_range"] == 10
+
+
 @pytest.mark.parametrize("names", [["packed.xml"], ["model.xml"], ["parts.xml", "packed.xml"]])
 def test_a_packed_model_loads(here, names):
     *others, main = names

@@ -46,8 +46,8 @@ def test_a_batched_run_is_bit_identical_to_single_mujoco_steps(arm_model, arm_wo
 def test_active_steppers_do_not_change_physics(arm_model):
     quiet, busy = World(arm_model), World(arm_model)
     recorder = Recorder(busy.simulation)
-    busy.loop.add(recorder)
-    busy.loop.activate(recorder)
+    busy.loop.steppers.add(recorder)
+    busy.loop.steppers.activate(recorder)
     quiet.loop.step(500)
     busy.loop.step(500)
     assert recorder.updates == list(range(500))
@@ -56,11 +56,11 @@ def test_active_steppers_do_not_change_physics(arm_model):
 
 def test_an_inactive_stepper_is_not_called(arm_world):
     recorder = Recorder(arm_world.simulation)
-    arm_world.loop.add(recorder)
+    arm_world.loop.steppers.add(recorder)
     arm_world.loop.step(10)
-    arm_world.loop.activate(recorder)
+    arm_world.loop.steppers.activate(recorder)
     arm_world.loop.step(3)
-    arm_world.loop.deactivate(recorder)
+    arm_world.loop.steppers.deactivate(recorder)
     arm_world.loop.step(10)
     assert recorder.updates == [10, 11, 12]
 
@@ -90,20 +90,20 @@ def test_kinematics_are_those_of_the_current_positions_at_a_boundary(arm_world):
 def test_a_finite_velocity_override_is_written_right_before_the_step_and_nan_leaves_it(box_world):
     class Driver:
         def update(self):
-            box_world.loop.velocity_override[0] = 0.7
+            box_world.loop.steppers.velocity_override[0] = 0.7
 
         def on_reset(self):
             pass
 
     driver = Driver()
     box_world.data.qvel[1] = 0.3
-    box_world.loop.add(driver)
-    box_world.loop.activate(driver)
+    box_world.loop.steppers.add(driver)
+    box_world.loop.steppers.activate(driver)
     box_world.loop.step(100)
     assert box_world.data.qvel[0] == 0.7
     assert box_world.data.qpos[0] == pytest.approx(0.7 * 0.2, abs=1e-12)
     assert box_world.data.qpos[1] == pytest.approx(0.3 * 0.2, abs=1e-12)
-    box_world.loop.deactivate(driver)
+    box_world.loop.steppers.deactivate(driver)
     box_world.data.qvel[0] = 0.1
     box_world.loop.step(10)
     assert box_world.data.qvel[0] == pytest.approx(0.1, abs=1e-12)
@@ -121,10 +121,10 @@ def test_forces_are_cleared_before_the_updates_and_when_nobody_is_active_any_mor
             pass
 
     pusher = Pusher()
-    box_world.loop.add(pusher)
-    box_world.loop.activate(pusher)
+    box_world.loop.steppers.add(pusher)
+    box_world.loop.steppers.activate(pusher)
     box_world.loop.step(50)
-    box_world.loop.deactivate(pusher)
+    box_world.loop.steppers.deactivate(pusher)
     assert not box_world.data.xfrc_applied.any()
     assert not box_world.data.qfrc_applied.any()
 
@@ -170,7 +170,7 @@ def test_a_reset_restores_the_initial_state_bit_for_bit_and_keeps_time_going(arm
 
 def test_a_reset_tells_every_stepper_once_before_the_reset_callbacks(arm_world):
     recorder, seen = Recorder(arm_world.simulation), []
-    arm_world.loop.add(recorder)
+    arm_world.loop.steppers.add(recorder)
     arm_world.loop.on_reset.append(lambda: seen.append((recorder.resets, arm_world.simulation.epoch)))
     arm_world.loop.reset(Reset())
     assert seen == [(1, 1)]
@@ -209,8 +209,8 @@ def test_divergence_pauses_before_the_very_step_and_names_the_joint(caplog):
 def test_a_divergence_is_found_at_the_same_step_whether_batched_or_not():
     world = diverging_world("pause")
     recorder = Recorder(world.simulation)
-    world.loop.add(recorder)
-    world.loop.activate(recorder)
+    world.loop.steppers.add(recorder)
+    world.loop.steppers.activate(recorder)
     world.loop.step(first_bad_step() + 500)
     assert world.simulation.step == first_bad_step() - 1
 
@@ -278,8 +278,8 @@ def test_a_world_that_diverges_again_right_after_its_reset_is_paused_instead_of_
             pass
 
     poison = Poison()
-    world.loop.add(poison)
-    world.loop.activate(poison)
+    world.loop.steppers.add(poison)
+    world.loop.steppers.activate(poison)
     world.loop.step(1000)
     assert world.loop.paused
     assert world.simulation.epoch == 1
@@ -312,10 +312,10 @@ def test_after_a_divergence_is_repaired_the_world_goes_on_without_a_reset(integr
             world.data.xfrc_applied[1, 0] = poison[0]
 
     pusher = Pusher(world.simulation)
-    world.loop.add(pusher)
+    world.loop.steppers.add(pusher)
     world.loop.step(20)
     if active:
-        world.loop.activate(pusher)
+        world.loop.steppers.activate(pusher)
     else:
         world.data.xfrc_applied[1, 0] = np.nan
     world.loop.step(50)
@@ -333,12 +333,12 @@ def test_after_a_divergence_is_repaired_the_world_goes_on_without_a_reset(integr
 def test_a_bad_velocity_override_is_undone_with_the_step_that_it_spoils(box_world):
     class Driver(Recorder):
         def update(self):
-            box_world.loop.velocity_override[0] = 1e12
+            box_world.loop.steppers.velocity_override[0] = 1e12
 
     box_world.data.qvel[0] = 0.25
     driver = Driver(box_world.simulation)
-    box_world.loop.add(driver)
-    box_world.loop.activate(driver)
+    box_world.loop.steppers.add(driver)
+    box_world.loop.steppers.activate(driver)
     box_world.loop.step(5)
     assert box_world.loop.paused
     assert box_world.data.qvel[0] == 0.25
@@ -348,7 +348,7 @@ def test_what_a_failing_update_wrote_does_not_reach_physics(box_world):
     class Broken(Recorder):
         def update(self):
             box_world.data.xfrc_applied[1, 0] = 1000.0
-            box_world.loop.velocity_override[1] = 7.0
+            box_world.loop.steppers.velocity_override[1] = 7.0
             raise ZeroDivisionError
 
         def failed(self, error):
@@ -360,8 +360,8 @@ def test_what_a_failing_update_wrote_does_not_reach_physics(box_world):
 
     broken, pusher = Broken(box_world.simulation), Pusher(box_world.simulation)
     for stepper in (pusher, broken):
-        box_world.loop.add(stepper)
-        box_world.loop.activate(stepper)
+        box_world.loop.steppers.add(stepper)
+        box_world.loop.steppers.activate(stepper)
     box_world.loop.step(1)
     assert not box_world.data.qvel[:6].any()
     assert box_world.data.qvel[6] == pytest.approx(0.002, rel=1e-9)
@@ -375,3 +375,18 @@ def test_a_flood_of_posted_calls_does_not_keep_steps_from_being_taken(arm_world)
         again()
     arm_world.loop.turn()
     assert arm_world.simulation.step > 0
+
+
+def test_positions_that_a_call_writes_while_the_loop_waits_are_noticed(box_world):
+    loop, data = box_world.loop, box_world.data
+
+    def move():
+        data.qpos[0] = 5.0
+
+    loop.pause()
+    box_world.simulation.kinematics()
+    # It comes after the inbox has been looked at, so that it ends the wait.
+    loop.on_idle.append(lambda: loop.inbox.post(move))
+    loop.turn()
+    box_world.simulation.kinematics()
+    assert data.xpos[1, 0] == 5.0

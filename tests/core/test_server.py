@@ -10,11 +10,15 @@ from mjplug.plugin.selection import Selected
 from mjplug.server import Server
 
 EVENTS = []
+SERVERS = []
 
 
 @pytest.fixture(autouse=True)
 def _no_events():
     EVENTS.clear()
+    yield
+    while SERVERS:
+        SERVERS.pop().cleanup()
 
 
 class Good(Plugin[Parameters]):
@@ -43,7 +47,8 @@ def serve(model, *plugins, **settings):
     settings = Settings.model_validate({"model": "x.xml", **settings})
     transport = FakeTransport()
     selected = [Selected(name, plugin, Parameters()) for name, plugin in plugins]
-    return Server(settings, Simulation(model), transport, selected, OfflineWorkers()), transport
+    SERVERS.append(Server(settings, Simulation(model), transport, selected, OfflineWorkers()))
+    return SERVERS[-1], transport
 
 
 def test_the_server_offers_its_services_under_its_own_name(arm_model):
@@ -53,8 +58,8 @@ def test_the_server_offers_its_services_under_its_own_name(arm_model):
         "describe_parameters", "get_parameter_types", "get_parameters", "list_parameters", "set_parameters",
         "set_parameters_atomically",
     }  # fmt: skip
-    assert transport.services == {f"/mjplug/{name}" for name in control | parameters}
-    assert set(transport.publishers) == {"/clock", "/diagnostics", "/mjplug/epoch"}
+    assert transport.services == {f"/mjplug/{name}" for name in control | parameters | {"get_diagnostics"}}
+    assert set(transport.publishers) == {"/clock", "/diagnostics", "/mjplug/epoch", "/rosout"}
 
 
 def test_namespace_node_name_and_remapping_shape_every_name(arm_model):

@@ -63,6 +63,13 @@ def test_nothing_is_held_before_it_is_set_nor_after_its_release(world):
     assert world.data.qvel[0] == pytest.approx(0.1, abs=0.05)
 
 
+def test_to_hold_no_degree_of_freedom_is_to_hold_nothing(world):
+    hold = world.host("none").create_velocity_hold(())
+    for _ in range(3):
+        hold.set()
+    assert world.simulation._holds == []
+
+
 def test_a_held_velocity_outranks_an_override_of_the_same_step(world):
     class Driver(Plugin[Parameters]):
         def init(self, host, parameters):

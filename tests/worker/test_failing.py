@@ -2,8 +2,12 @@
 
 import logging
 import os
+import select
 import signal
+import socket
+import threading
 import time
+from pathlib import Path
 
 import pytest
 from worker import works
@@ -74,6 +78,68 @@ def test_a_report_that_cannot_be_sent_is_a_failure(server):
     assert reason.startswith("it failed: ")
 
 
+def test_a_report_that_cannot_be_read_is_a_failure_too(server):
+    told = server.order(works.ReturnsTheUnreadable()).wait_for_ready()
+    _, pid = told.perform("good")
+    told.submit(["bad"])
+    told.wait(lambda: told.lost)
+    ((tasks, reason),) = told.lost
+    assert tasks == {"bad"}
+    assert reason.startswith("what came from the process cannot be unpickled: TypeError")
+    told.wait_for_ready(2)
+    assert told.perform("good")[1] != pid
+
+
+def test_a_process_that_is_killed_while_it_opens_is_started_again_in_the_same_environment(server, tmp_path):
+    work = works.DiesOpening(tmp_path / "opened")
+    told = server.order(work, environments=({"WORKS_IN": "here"}, {"WORKS_IN": "vain"}))
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    assert told.lost == [({"a"}, "it was killed by SIGKILL")]
+    told.wait_for_ready()
+    assert (told.ready, told.health.restarts) == (["here"], 1)
+
+
+def test_an_environment_in_which_the_work_crashes_is_not_available(server):
+    told = server.order(works.CrashesOpening(), environments=({}, {"WORKS_IN": "here"})).wait_for_ready()
+    assert (told.ready, told.health.restarts) == (["here"], 0)
+
+
+def test_a_process_that_cannot_be_started_now_is_started_later(server, monkeypatch):
+    start, failures = module.WorkerProcess, [BlockingIOError(11, "Resource temporarily unavailable")]
+
+    def starts_at_last(*arguments):
+        if failures:
+            raise failures.pop()
+        return start(*arguments)
+
+    monkeypatch.setattr(module, "WorkerProcess", starts_at_last)
+    told = server.order(works.Tells()).wait_for_ready()
+    assert told.health.restarts == 1
+
+
+def test_nothing_is_written_to_a_file_that_has_the_number_of_a_closed_pipe(server, monkeypatch):
+    told = server.order(works.Dies()).wait_for_ready()
+    _, pid = told.perform("live")
+    end, taken = module.WorkerProcess.end, []
+
+    def end_and_submit(process):
+        how = end(process)
+        if not taken:
+            taken.extend(one for _ in range(8) for one in socket.socketpair())
+            told.submit(["late"])
+        return how
+
+    monkeypatch.setattr(module.WorkerProcess, "end", end_and_submit)
+    os.kill(pid, signal.SIGKILL)
+    told.wait(lambda: len(told.done) == 2)
+    assert told.done[-1][0].tasks == {"late"}
+    readable, _, _ = select.select(taken, [], [], 0.0)
+    for one in taken:
+        one.close()
+    assert readable == []
+
+
 def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, told_errors):
     monkeypatch.setenv("TAKEN_AWAY", "no")
     told = server.order(
@@ -93,7 +159,7 @@ def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_erro
     why = "WORKS_IN=nowhere: WORKS_IN is nowhere; MUJOCO_GL=disable: WORKS_IN is None"
     assert told.lost == [({"a"}, why)]
     assert (told.health.state, told.health.reason) == ("unavailable", why)
-    assert told_errors(logging.WARNING) == [f"this cannot be done on this machine: {why}"]
+    assert told_errors(logging.WARNING) == [f"this cannot be done on this machine: {why}; the server runs on without it"]
     told.submit(["b"])
     told.wait(lambda: len(told.lost) == 2)
     assert told.lost[1] == ({"b"}, why)
@@ -136,6 +202,37 @@ def test_a_lockstep_with_a_process_that_hangs_goes_on(server, tmp_path, monkeypa
     assert told.lost == [({"a"}, "nothing came from the process for 0.2 s")]
     told.wait_for_ready(2)
     assert told_errors()[0] == "nothing came from the process for 0.2 s; it is ended, and the simulation goes on"
+
+
+def test_what_a_work_has_started_does_not_keep_the_server_from_ending(server):
+    told = server.order(works.Forks()).wait_for_ready()
+    _, forked = told.perform("a")
+    began = time.monotonic()
+    server.workers.close()
+    assert time.monotonic() - began < 3.0
+    # Killed; whoever has inherited it may not have waited for it yet.
+    status = Path(f"/proc/{forked}/status")
+    assert not status.exists() or "State:\tZ" in status.read_text()
+
+
+def test_a_lockstep_does_not_keep_the_server_from_stopping(server, tmp_path):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    told = server.order(works.Waits(gate), sync=True).wait_for_ready()
+    opened, stopped = [], []
+
+    def interrupt():
+        # Returns when the process is at it, which then waits for more.
+        opened.append(gate.open("w"))
+        server.inbox.interrupt(lambda: stopped.append(True))
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    told.submit(["a"])
+    thread.join()
+    server.inbox.drain(1.0)
+    assert (told.done, told.lost, stopped) == ([], [], [True])
+    opened[0].close()
 
 
 def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monkeypatch):

@@ -38,6 +38,10 @@ class World:
         return self.handover.put(int(state), 0, frozenset(tasks))
 
 
+def never():
+    return False
+
+
 @pytest.fixture
 def world():
     return World()
@@ -122,12 +126,12 @@ def test_settling_ends_when_the_outcome_has_been_reported_and_not_before(world):
 
     thread = threading.Timer(0.05, finish)
     thread.start()
-    assert world.handover.settle(5.0)
+    assert world.handover.settle(5.0, never)
     assert reported.is_set()
     thread.join()
-    assert world.handover.settle(0.0)
+    assert world.handover.settle(0.0, never)
 
 
 def test_settling_gives_up_when_nothing_happens(world):
     world.put(1, "a")
-    assert not world.handover.settle(0.01)
+    assert not world.handover.settle(0.01, never)

@@ -1,6 +1,7 @@
 """Works in processes: what they are given, what they publish, what comes back."""
 
 import contextlib
+import gc
 import json
 import logging
 import os
@@ -171,6 +172,12 @@ def test_the_process_imports_from_where_the_server_does(server, tmp_path, monkey
     assert server.order(somewhere_else.Foreign()).wait_for_ready().ready == [f"{server.simulation.model.nq} positions"]
 
 
+def test_what_lies_in_the_current_folder_is_not_taken_for_python_s_own(server, tmp_path, monkeypatch):
+    (tmp_path / "queue.py").write_text("raise RuntimeError('not this one')")
+    monkeypatch.chdir(tmp_path)
+    assert server.order(works.Tells()).wait_for_ready().health.state == "running"
+
+
 def test_a_work_that_cannot_be_sent_is_refused(server):
     work = works.Waits("x")
     work.lock = lambda: None
@@ -179,6 +186,7 @@ def test_a_work_that_cannot_be_sent_is_refused(server):
 
 
 def test_several_works_run_at_the_same_time(server):
+    gc.collect()
     files = open_files()
     first, second = server.order(works.Tells()), server.order(works.Tells())
     for told in (first.wait_for_ready(), second.wait_for_ready()):
@@ -188,8 +196,11 @@ def test_several_works_run_at_the_same_time(server):
     server.workers.close()
     assert children() == set()
     assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("worker ")]
-    assert open_files() == files
     server.workers.close()
+    # Memory lives as long as somebody could look at it.
+    del first, second, told
+    gc.collect()
+    assert open_files() == files
 
 
 def test_the_snapshot_is_the_whole_state(server):

@@ -134,3 +134,52 @@ class Derives(Tells):
     def perform(self, data, job):
         mujoco.mj_forward(self.model, data)
         return data.qvel.tolist(), data.act.tolist(), data.ctrl.tolist(), data.qacc.tolist()
+
+
+class DiesOpening(Tells):
+    """Is killed, as by a kernel without memory, the first time it opens."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def open(self, model, publishers, logger):
+        if not os.path.exists(self.path):
+            open(self.path, "x", encoding="utf-8").close()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return os.environ.get("WORKS_IN")
+
+
+class CrashesOpening(Tells):
+    """Crashes, as drivers do, unless WORKS_IN is `here`."""
+
+    def open(self, model, publishers, logger):
+        if os.environ.get("WORKS_IN") != "here":
+            os.kill(os.getpid(), signal.SIGILL)
+        return "here"
+
+
+class UnreadableError(Exception):
+    """Pickles, and then cannot be unpickled."""
+
+    def __init__(self, one, two):
+        super().__init__(one)
+
+
+class ReturnsTheUnreadable(Tells):
+    """Returns what cannot be unpickled."""
+
+    def perform(self, data, job):
+        return UnreadableError(1, 2) if "bad" in job.tasks else os.getpid()
+
+
+class Forks(Tells):
+    """Has a process of its own, as those of `multiprocessing` are: with the worker's pipe, and longer-lived."""
+
+    def open(self, model, publishers, logger):
+        self.forked = os.fork()
+        if not self.forked:
+            signal.pause()
+        return ""
+
+    def perform(self, data, job):
+        return self.forked
