@@ -19,7 +19,12 @@ from mjplug.offline import OfflineTransport, OfflineWorkers
 from mjplug.plugin import Host, Publisher
 from mjplug.transport import Transport
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
+from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.sensor_msgs import JointState
+from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
+
+DAY = Duration(sec=86_400)
+"""Longer than any measurement: the trajectory does not end before it."""
 
 JOINTS, BURST, BURSTS, STEPS = 30, 50, 40, 4000
 
@@ -83,6 +88,9 @@ def results() -> list[Result]:
     idle, pid = _steps(commands=True), _steps(commands=True, holding=True)
     found.append(pairs("JointCommands without PIDs: a step, against none", idle, bare, "<= 1.02", "{:.2f} µs"))
     found.append(figure(f"JointCommands, {JOINTS} PIDs: added to a step", lambda: pid() - bare(), "<= 20", "{:.2f} µs"))
+    moving = _steps(commands=True, moving=True)
+    what = f"JointCommands, a trajectory of {JOINTS} PIDs: added to a step"
+    found.append(figure(what, lambda: moving() - pid(), "<= 30", "{:.2f} µs"))
     return found
 
 
@@ -123,7 +131,9 @@ def _publishing(transport: Transport) -> tuple[Callable[[], float], Publisher[An
     return publish, host.publisher
 
 
-def _steps(states: bool = False, commands: bool = False, holding: bool = False) -> Callable[[], float]:
+def _steps(
+    states: bool = False, commands: bool = False, holding: bool = False, moving: bool = False
+) -> Callable[[], float]:
     """Returns what measures one step of the loop with these plugins [µs]."""
     transport = _Transport()
     host, loop = _host(transport)
@@ -135,8 +145,11 @@ def _steps(states: bool = False, commands: bool = False, holding: bool = False) 
         host.attach(plugin)
         parameters = JointCommands.parameters_type.model_validate({"pid_gains": {"position": gains}})
         plugin.init(host, parameters)
-    if holding:
-        names = [f"joint_{i}" for i in range(JOINTS)]
+    names = [f"joint_{i}" for i in range(JOINTS)]
+    if moving:
+        goal = JointTrajectoryPoint(positions=[0.5] * JOINTS, velocities=[0.0] * JOINTS, time_from_start=DAY)
+        transport.deliver["/joint_trajectory"](JointTrajectory(joint_names=names, points=[goal]))
+    elif holding:
         transport.deliver["/joint_commands"](JointState(name=names, position=[0.5] * JOINTS))
 
     def measure() -> float:

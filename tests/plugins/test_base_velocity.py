@@ -360,17 +360,17 @@ def test_only_the_named_body_is_driven_and_two_bases_do_not_disturb_each_other()
 
 def test_a_standing_base_needs_no_update_and_a_driven_one_does():
     world = world_of(cmd_timeout=0.1)
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
     command(world, 1.0)
     world.loop.step(51)
-    assert len(world.loop._active) == 1
+    assert len(world.loop.steppers.active) == 1
     world.loop.step(1)
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
     command(world, 1.0)
     world.loop.step(1)
     command(world, 0.0, 0.0, 0.0)
     world.loop.step(1)
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
     assert tuple(world.data.qvel[[6, 7, 11]]) == (0.0, 0.0, 0.0)
 
 

@@ -67,11 +67,21 @@ def test_physics_is_that_of_mujoco_with_the_same_controls():
 def test_the_last_command_is_held_without_any_work_per_step():
     world = world_of()
     command(world, ["shoulder"], position=[0.4])
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
     world.loop.step(2000)
     assert world.data.ctrl[SHOULDER] == 0.4
     command(world, ["shoulder"], position=[math.nan])
     assert world.data.ctrl[SHOULDER] == 0.4
+
+
+def test_a_command_counts_while_the_simulation_is_paused_and_moves_with_the_next_step():
+    world = world_of(pid_gains={"position": {"elbow": {"p": 5.0}}})
+    world.loop.pause()
+    world.transport.send(TOPIC, JointState(name=["shoulder", "elbow"], position=[0.4, 0.2]))
+    world.loop.turn()
+    assert (world.simulation.step, world.data.ctrl[SHOULDER], world.data.ctrl[ELBOW]) == (0, 0.4, 0.0)
+    world.loop.step(1)
+    assert world.data.ctrl[ELBOW] == 1.0
 
 
 def test_servos_hold_poses_whatever_their_gear_gain_and_bias():
@@ -145,18 +155,6 @@ def test_actuators_can_be_given_to_a_joint():
     assert world.data.ctrl[4] == 1.5
 
 
-def test_a_mimic_joint_follows_with_multiplier_and_offset_and_takes_no_commands_itself():
-    world = world_of(
-        mimic={"elbow": {"joint": "shoulder", "multiplier": -2.0, "offset": 0.25}},
-        pid_gains={"position": {"elbow": {"p": 1.0}}},
-    )
-    command(world, ["elbow", "shoulder"], position=[9.0, 0.5])
-    bank = world.plugin._joints.banks[0]
-    assert bank.setpoint[0] == -0.75
-    assert world.data.ctrl[SHOULDER] == 0.5
-    assert "elbow" in told(world).values["names ignored"]
-
-
 def test_controls_stay_within_the_ranges_and_that_is_said_once(caplog):
     world = world_of()
     for velocity in (3.0, 9.0):
@@ -213,7 +211,7 @@ def test_of_a_configured_joint_only_its_interfaces_are_taken_even_from_full_list
     world = world_of(command_interfaces={"elbow": "effort"}, pid_gains={"position": {"elbow": {"p": 1.0}}})
     command(world, ["elbow", "shoulder"], position=[0.9, 0.2], effort=[2.0, math.nan])
     assert world.data.ctrl.tolist() == [0.0, 0.2, 0.5, 0.0]
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
 
 
 def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_position():
@@ -255,9 +253,40 @@ def test_what_a_joint_cannot_do_is_said_once_and_the_rest_of_the_message_counts(
     assert world.data.ctrl.tolist() == [0.0, 0.2, 0.0, 0.0]
     assert [r.message for r in caplog.records] == [
         "commands for joint 'wrist' are ignored: it takes effort, not position; pid_gains.position.wrist would let it",
-        "commands for joint 'loose' are ignored: it has no actuator, or follows another joint",
+        "commands for joint 'loose' are ignored: it has no actuator, follows another joint, or was not chosen",
         "commands for joint 'ghost' are ignored: there is no such joint to command",
     ]
+
+
+def test_a_burst_of_messages_for_one_joint_each_moves_all_of_them():
+    bodies = "".join(f'<body><joint name="j{k}" axis="0 0 1"/><geom size=".1"/></body>' for k in range(30))
+    motors = "".join(f'<motor joint="j{k}"/>' for k in range(30))
+    world = world_of(f"<mujoco><worldbody>{bodies}</worldbody><actuator>{motors}</actuator></mujoco>")
+    for k in range(30):
+        world.transport.send(TOPIC, JointState(name=[f"j{k}"], effort=[0.1 * k]))
+    world.loop.step(1)
+    assert world.data.ctrl.tolist() == [0.1 * k for k in range(30)]
+
+
+def test_no_control_is_beyond_what_mujoco_bears_whatever_the_range_of_the_actuator():
+    """It would drop the controls of all actuators."""
+    weak = '<motor name="wrist_motor" joint="wrist" gear=".001" ctrlrange="-1e12 1e12"/>'
+    world = world_of(MIXED.replace('<motor name="wrist_motor" joint="wrist"/>', weak))
+    command(world, ["wrist", "rail"], effort=[9e9, math.nan], velocity=[math.nan, 1.0])
+    assert world.data.ctrl[WRIST] == pytest.approx(0.99 * mujoco.mjMAXVAL)
+    assert world.data.actuator_force[RAIL] == pytest.approx(50.0)
+
+
+def test_two_instances_with_the_same_actuators_are_pointed_out(caplog):
+    world = world_of(joints=["elbow", "wrist"])
+    world.add(JointCommands, "base", joints=["rail", "shoulder"])
+    assert not caplog.records
+    world.add(JointCommands, "other", joints=["rail", "elbow"])
+    (record,) = caplog.records
+    assert record.message == (
+        "plugin other sets the same controls as arm, base, those of rail_drive, elbow_motor: "
+        "each undoes what the other one does"
+    )
 
 
 def test_made_up_names_do_not_fill_the_log(caplog):
@@ -266,33 +295,6 @@ def test_made_up_names_do_not_fill_the_log(caplog):
         command(world, [f"made_up_{number}" * 50], position=[0.1])
     assert len(caplog.records) == 20
     assert max(len(record.message) for record in caplog.records) < 250
-
-
-def test_a_timeout_ends_velocities_and_efforts_and_leaves_positions():
-    world = world_of(command_timeout=0.1)
-    command(
-        world, ["rail", "shoulder", "wrist"], velocity=[0.5, math.nan, math.nan], position=[math.nan, 0.3, math.nan]
-    )
-    world.loop.step(30)
-    command(world, ["wrist"], effort=[0.2])
-    world.loop.step(18)
-    assert world.data.ctrl.tolist() == [0.5, 0.3, 0.0, 0.2]
-    world.loop.step(2)
-    assert world.data.ctrl.tolist() == [0.0, 0.3, 0.0, 0.2]
-    world.loop.step(40)
-    assert world.data.ctrl.tolist() == [0.0, 0.3, 0.0, 0.0]
-    assert world.loop._active == ()
-
-
-def test_a_timeout_does_not_end_what_came_after_the_command():
-    gains = {"position": {"elbow": {"p": 5.0}}, "velocity": {"elbow": {"p": 1.0}}}
-    world = world_of(command_timeout=0.1, pid_gains=gains)
-    command(world, ["elbow"], velocity=[1.0])
-    world.loop.step(20)
-    command(world, ["elbow"], position=[0.3])
-    world.loop.step(200)
-    assert [bank.count for bank in world.plugin._joints.banks] == [1, 0]
-    assert world.plugin._joints.banks[0].setpoint[0] == 0.3
 
 
 def test_a_reset_forgets_commands_and_leaves_the_controls_that_it_put_back(arm_model):
@@ -314,12 +316,6 @@ def test_a_reset_forgets_commands_and_leaves_the_controls_that_it_put_back(arm_m
         ({"actuators": {"elbow": ["elbow_moter"]}}, "unknown actuator 'elbow_moter', did you mean 'elbow_motor'"),
         ({"actuators": {"elbow": ["wrist_motor"], "wrist": ["wrist_motor"]}}, "is given to two joints"),
         ({"pid_gains": {"position": {"ellbow": {"p": 1.0}}}}, "unknown joint or actuator with position gains 'ellbow'"),
-        ({"mimic": {"loose": {"joint": "elbow"}}}, "joint 'loose' cannot mimic 'elbow', as it has no actuator"),
-        ({"mimic": {"wrist": {"joint": "elbw"}}}, "unknown joint to command 'elbw', did you mean 'elbow'"),
-        (
-            {"mimic": {"wrist": {"joint": "elbow"}, "elbow": {"joint": "shoulder"}}},
-            "joint 'wrist' mimics 'elbow', which mimics another one itself",
-        ),
         ({"groups": {"g": {"joints": ["wrist"], "interface": "velocity"}}}, "joint 'wrist' takes effort, not velocity"),
         ({"command_interfaces": {"elbwo": "position"}}, "unknown joint to command 'elbwo', did you mean 'elbow'"),
     ],

@@ -93,7 +93,7 @@ def test_only_those_that_run_reach_their_actuators_and_a_start_forgets_the_integ
     state, ctrl = np.zeros(2), np.full(2, 9.0)
     unlimited = (-math.inf, math.inf)
     bank = PidBank([PidGains(i=1.0)] * 2, state, [0, 1], ctrl, [0, 1], [unlimited] * 2, DT)
-    assert not bank.running
+    assert not bank.count
     bank.follow(0, 1.0)
     for _ in range(100):
         bank.update()
@@ -106,7 +106,7 @@ def test_only_those_that_run_reach_their_actuators_and_a_start_forgets_the_integ
     bank.update()
     assert ctrl == pytest.approx((0.0, DT))
     bank.stop_all()
-    assert not bank.running
+    assert not bank.count
 
 
 def world_of(**parameters):
@@ -150,7 +150,7 @@ def test_an_effort_takes_the_actuator_over_from_a_pid_and_back():
     world.transport.send("/arm/joint_commands", JointState(name=["elbow"], effort=[2.0]))
     world.loop.step(10)
     assert world.data.ctrl[2] == 0.5
-    assert world.loop._active == ()
+    assert world.loop.steppers.active == ()
     world.transport.send("/arm/joint_commands", JointState(name=["elbow"], velocity=[1.0]))
     world.loop.step(1)
     assert world.data.ctrl[2] != 0.5

@@ -34,7 +34,7 @@ class Actuator:
         """Returns the lowest and the highest control that makes a difference; without `clamp`, that MuJoCo bears."""
         low, high = -LARGEST, LARGEST
         if clamp and model.actuator_ctrllimited[self.actuator]:
-            low, high = model.actuator_ctrlrange[self.actuator].tolist()
+            low, high = (min(max(end, -LARGEST), LARGEST) for end in model.actuator_ctrlrange[self.actuator].tolist())
         if clamp and model.actuator_forcelimited[self.actuator] and self.law.drives is Drives.EFFORT:
             ends = sorted(self.law.control(force) for force in model.actuator_forcerange[self.actuator].tolist())
             low, high = max(low, min(ends[0], high)), min(high, max(ends[1], low))

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from math import isnan
 from typing import Any
 
-from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, RequestError, quoted
+from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, QoS, RequestError, quoted
 from mjplug_plugins.joints.drives import JointDrives
-from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, check_value
+from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, told
 from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters
 from mjplug_plugins.joints.route import Drive
 from mjplug_plugins.joints.trajectories import Trajectories
@@ -43,6 +42,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
             host.logger.warning("joint %s cannot be commanded: its actuators take nothing", name)
         self._trajectories = Trajectories(host, self._joints, parameters.interpolate_from_desired_state)
         self._expiries: dict[tuple[Drive, Interface], int] = {}
+        self._next_expiry = 0
         self._timeout = host.steps_covering(round(parameters.command_timeout * 1e9))
         self._refusal = ""
         self._wrong: dict[str, int] = {}
@@ -59,12 +59,14 @@ class JointCommands(Plugin[JointCommandsParameters]):
         """Moves trajectories on and computes the PIDs, for the coming step."""
         if self._trajectories.running:
             self._trajectories.update()
-        if self._expiries:
+        if self._expiries and self._host.step >= self._next_expiry:
             self._expire()
+        regulating = False
         for bank in self._joints.banks:
-            if bank.running:
+            if bank.count:
                 bank.update()
-        if not self._busy:
+                regulating = True
+        if not (regulating or self._trajectories.running or self._expiries):
             self._host.deactivate()
 
     def on_reset(self) -> None:
@@ -83,7 +85,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
 
     @property
     def _busy(self) -> bool:
-        return self._trajectories.running or bool(self._expiries) or any(bank.running for bank in self._joints.banks)
+        return self._trajectories.running or bool(self._expiries) or any(bank.count for bank in self._joints.banks)
 
     def _hold(self) -> None:
         if self._parameters.hold_at_start:
@@ -97,8 +99,9 @@ class JointCommands(Plugin[JointCommandsParameters]):
             self._host.activate()
 
     def _subscribe(self, type: type[Any], topic: str, take: Callable[[Any], None]) -> None:
-        # Ten at a time, since two messages between two steps may be for different joints.
-        self._host.create_subscription(type, topic, partial(self._receive, self._host.full_name(topic), take), DEFAULT)
+        # Not only the newest, since each message between two steps may be for another joint.
+        qos = QoS(max(DEFAULT.depth, len(self._joints.drives)))
+        self._host.create_subscription(type, topic, partial(self._receive, self._host.full_name(topic), take), qos)
 
     def _receive(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         try:
@@ -129,37 +132,28 @@ class JointCommands(Plugin[JointCommandsParameters]):
     ) -> None:
         if len(message.data) != len(drives):
             raise RequestError(f"data has {len(message.data)} numbers for the {len(drives)} joints of group {group!r}")
-        commands = [
-            (drive, interface, value) for drive, value in zip(drives, message.data, strict=True) if not isnan(value)
-        ]
-        for drive, _, value in commands:
-            check_value(interface, drive.joint.name, value)
-        self._follow(commands)
+        self._follow(told(interface, enumerate(drives), message.data))
 
     def _take_trajectory(self, message: JointTrajectory) -> None:
-        for drive in self._trajectories.start(message):
-            self._forget_expiry(drive)
+        self._trajectories.start(message)
 
     def _follow(self, commands: Sequence[Command]) -> None:
         for drive, interface, value in commands:
             self._trajectories.drop(drive)
             drive.command(interface, value)
-            if self._timeout:
-                self._forget_expiry(drive)
         if self._timeout:
             until = self._host.step + self._timeout
+            if not self._expiries:
+                self._next_expiry = until
             self._expiries |= {(drive, kind): until for drive, kind, value in commands if kind != "position"}
-
-    def _forget_expiry(self, drive: Drive) -> None:
-        for interface in drive.routes:
-            self._expiries.pop((drive, interface), None)
 
     def _expire(self) -> None:
         step = self._host.step
         for key in [key for key, until in self._expiries.items() if step >= until]:
             drive, interface = key
             del self._expiries[key]
-            drive.command(interface, 0.0)
+            drive.expire(interface)
+        self._next_expiry = min(self._expiries.values(), default=0)
 
     def _add_group(self, name: str, group: Group) -> None:
         drives = [self._joints.find(joint) for joint in group.joints]

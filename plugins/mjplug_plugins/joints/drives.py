@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import cast
 
-from mjplug.plugin import Drives, Host, PluginError, UnknownName
+from mjplug.plugin import Drives, Host, PluginError, UnknownName, doubles
 from mjplug_plugins.joints.actuators import Actuator, actuators_of
 from mjplug_plugins.joints.parameters import Interface, JointCommandsParameters, PidGains, PidGainsByMode
 from mjplug_plugins.joints.pid import PidBank
@@ -48,6 +48,7 @@ class JointDrives:
             if name not in actuators:
                 raise PluginError(f"joint {name!r} has no actuator; those that have one: {', '.join(actuators)}")
         commanded = {joint.name: (joint, actuators[joint.name]) for joint in wanted if joint.name in actuators}
+        host.claim_controls([actuator.actuator for _, its in commanded.values() for actuator in its])
         self._check_gains(commanded)
         self._rivals: dict[int, list[Regulated]] = defaultdict(list)
         self.banks: list[PidBank] = []
@@ -96,7 +97,8 @@ class JointDrives:
         interface = cast(Interface, "effort" if kind is Drives.OTHER else str(kind))
         limits = actuator.limits(self._host.model, self._parameters.clamp)
         rivals = self._rivals[actuator.actuator]
-        routes[interface].append(Direct(self._host.data.ctrl, actuator.actuator, ratio, offset, limits, rivals))
+        controls = doubles(self._host.data.ctrl)
+        routes[interface].append(Direct(controls, actuator.actuator, ratio, offset, limits, rivals))
 
     def _regulated(
         self, interface: str, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]
@@ -156,7 +158,16 @@ class JointDrives:
                 )
             if mimic.joint in self._parameters.mimic:
                 raise PluginError(f"joint {name!r} mimics {mimic.joint!r}, which mimics another one itself")
-            self.find(mimic.joint).followers.append((self.drives[name], mimic.multiplier, mimic.offset))
+            leader, follower = self.find(mimic.joint), self.drives[name]
+            missing = [interface for interface in leader.routes if interface not in follower.routes]
+            if missing and len(missing) == len(leader.routes):
+                can = " and ".join(follower.routes) or "nothing"
+                raise PluginError(
+                    f"joint {name!r} takes {can}; {mimic.joint!r}, to mimic, takes {' and '.join(missing)}"
+                )
+            for interface in missing:
+                self._host.logger.warning("joint %s does not mimic the %s of %s", name, interface, mimic.joint)
+            leader.followers.append((follower, mimic.multiplier, mimic.offset))
         for name in self._parameters.mimic:
             # Only the joint that they follow is commanded.
             del self.drives[name]

@@ -1,7 +1,7 @@
 """What a JointState message asks of which joint."""
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from mjplug.plugin import RequestError, quoted
@@ -65,15 +65,9 @@ class JointStateCommands:
         layout = self._layout
         if layout is None or layout.names != message.name or layout.lengths != lengths:
             layout = self._layout = self._arrange(message, lengths)
-        commands = []
+        commands: list[Command] = []
         for interface, slots in layout.slots.items():
-            values = getattr(message, interface)
-            for index, drive in slots:
-                value = values[index]
-                if math.isnan(value):
-                    continue
-                check_value(interface, drive.joint.name, value)
-                commands.append((drive, interface, value))
+            commands += told(interface, slots, getattr(message, interface))
         return commands
 
     def _arrange(self, message: JointState, lengths: tuple[int, ...]) -> _Layout:
@@ -93,8 +87,9 @@ class JointStateCommands:
         """Returns each place of a list with the name that it is for."""
         declared = self._declared
         if length == len(names):
-            wanted = [name for name in names if name not in declared or interface in declared[name]]
-            return [(index, name) for index, name in enumerate(names) if name in wanted]
+            return [
+                (index, name) for index, name in enumerate(names) if name not in declared or interface in declared[name]
+            ]
         # JointStateTopicSystem appends values only for the joints that have the interface.
         having = [name for name in names if interface in declared.get(name, ())]
         if length == len(having):
@@ -114,7 +109,7 @@ class JointStateCommands:
             way_out = "" if interface == "effort" else f"; pid_gains.{interface}.{name} would let it"
             reason = f"it takes {can}, not {interface}{way_out}"
         elif name in self._passive:
-            reason = "it has no actuator, or follows another joint"
+            reason = "it has no actuator, follows another joint, or was not chosen"
         else:
             reason = "there is no such joint to command"
         if len(self.ignored) < _MOST_IGNORED:
@@ -122,13 +117,21 @@ class JointStateCommands:
         return None
 
 
-def check_value(interface: Interface, name: str, value: float) -> None:
-    """Refuses what no actuator can be told.
+def told(interface: Interface, slots: Iterable[Slot], values: Sequence[float]) -> list[Command]:
+    """Returns what a list of numbers tells each joint. NaN stands for no command.
 
     Raises:
-        RequestError: The value is infinite, or so large that MuJoCo would take it for a divergence.
+        RequestError: A number is infinite, or so large that MuJoCo would take it for a divergence.
     """
-    if not math.isfinite(value) or abs(value) > LARGEST:
-        raise RequestError(
-            f"the {interface} of joint {quoted(name)} is {value:g}; it must be finite and below {LARGEST:g}"
-        )
+    commands = []
+    for place, drive in slots:
+        value = values[place]
+        # NaN is not below either.
+        if abs(value) <= LARGEST:
+            commands.append((drive, interface, value))
+        elif not math.isnan(value):
+            raise RequestError(
+                f"the {interface} of joint {quoted(drive.joint.name)} is {value:g}; it must be finite and below "
+                f"{LARGEST:g}"
+            )
+    return commands

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mjplug.plugin import doubles
 from mjplug_plugins.joints.parameters import PidGains
 
 Array = NDArray[np.float64]
@@ -20,7 +21,6 @@ class PidBank:
 
     Attributes:
         count: How many of them run.
-        running: Whether any does.
         setpoint: Shape (n,); change it through `follow`.
 
     Args:
@@ -61,36 +61,42 @@ class PidBank:
         piece = _piece(self._places)
         self._in_place = None if piece is None else state[piece]
         self.setpoint = np.zeros(count)
+        self._setpoints = doubles(self.setpoint)
         self._integral = np.zeros(count)
         self._last = np.zeros(count)
-        self._error, self._unlimited, self._output, self._derivative = (np.zeros(count) for _ in range(4))
-        self._active = np.zeros(count, bool)
-        self._rows: NDArray[np.intp] | slice = slice(0)
-        self._targets: NDArray[np.intp] | slice = self._actuators[:0]
-        self.count, self.running = 0, False
+        self._error, self._unlimited, self._derivative, self._outputs = (np.zeros(count) for _ in range(4))
+        self._active = [False] * count
+        self.count = 0
+        self._select()
 
     def follow(self, pid: int, setpoint: float) -> None:
         """Gives a PID its setpoint, and starts it if it does not run [rad, m, rad/s or m/s]."""
-        self.setpoint[pid] = setpoint
+        self._setpoints[pid] = setpoint
         if not self._active[pid]:
             self._integral[pid] = 0.0
             self._last[pid] = setpoint - self._state[self._places[pid]]
-            self._active[pid] = True
-            self._select()
+            self._active[pid] = self._changed = True
+            self.count += 1
 
     def stop(self, pid: int) -> None:
         """Lets a PID's actuator keep the control that it has."""
         if self._active[pid]:
-            self._active[pid] = False
-            self._select()
+            self._active[pid], self._changed = False, True
+            self.count -= 1
 
     def stop_all(self) -> None:
         """Stops all of them."""
-        self._active[:] = False
-        self._select()
+        self._active = [False] * len(self._active)
+        self.count, self._changed = 0, True
+
+    def runs(self, pid: int) -> bool:
+        """Returns whether a PID runs."""
+        return self._active[pid]
 
     def update(self) -> None:
         """Writes the controls for the coming step."""
+        if self._changed:
+            self._select()
         error, output, unlimited = self._error, self._output, self._unlimited
         if self._in_place is None:
             self._state.take(self._places, out=error, mode="clip")
@@ -105,7 +111,8 @@ class PidBank:
             np.add(unlimited, self._integral, unlimited)
         np.minimum(unlimited, self._u_max, out=output)
         np.maximum(output, self._u_min, out=output)
-        self._ctrl[self._targets] = output[self._rows]
+        if self._rows is not None:
+            self._ctrl[self._targets] = output[self._rows]
         if self._integrates:
             self._integrate()
         self._last, self._error = error, self._last
@@ -124,11 +131,17 @@ class PidBank:
             np.maximum(integral, self._i_min, out=integral)
 
     def _select(self) -> None:
+        """Finds out which outputs go where; not at each start, since a command starts those of many joints."""
         rows = np.flatnonzero(self._active)
-        self._rows = slice(None) if len(rows) == len(self._active) else rows
-        piece = _piece(self._actuators[rows])
-        self._targets = self._actuators[rows] if piece is None else piece
-        self.count, self.running = len(rows), bool(len(rows))
+        targets = self._actuators[rows]
+        piece = _piece(targets)
+        self._changed = False
+        self._rows: NDArray[np.intp] | None = rows
+        self._targets: NDArray[np.intp] | slice = targets if piece is None else piece
+        self._output = self._outputs
+        if piece is not None and len(rows) == len(self._active):
+            # All of them, side by side: they are computed in their place.
+            self._rows, self._output = None, self._ctrl[piece]
 
 
 def _piece(places: NDArray[np.intp]) -> slice | None:

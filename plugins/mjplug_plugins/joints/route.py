@@ -4,8 +4,6 @@ from collections.abc import Callable
 from typing import Protocol
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
 from mjplug_plugins.joints.parameters import Interface
 from mjplug_plugins.joints.pid import PidBank
@@ -23,6 +21,9 @@ class Route(Protocol):
     def command(self, value: float) -> bool:
         """Lets the actuator follow a value from now on; returns whether a limit was in the way."""
 
+    def expire(self) -> None:
+        """Makes the value zero, unless the actuator follows a command of another kind by now."""
+
 
 class Direct:
     """A control that follows from the command at once, and then stays.
@@ -38,7 +39,7 @@ class Direct:
 
     def __init__(
         self,
-        ctrl: NDArray[np.float64],
+        ctrl: "memoryview[float]",
         actuator: int,
         ratio: float,
         offset: float,
@@ -58,6 +59,11 @@ class Direct:
         control = min(max(wanted, self._low), self._high)
         self._ctrl[self._actuator] = control
         return control != wanted
+
+    def expire(self) -> None:
+        """Writes the control for zero."""
+        if not any(rival.running for rival in self._rivals):
+            self.command(0.0)
 
 
 class Regulated:
@@ -79,6 +85,16 @@ class Regulated:
                 rival.stop()
         self._bank.follow(self._pid, value)
         return False
+
+    @property
+    def running(self) -> bool:
+        """Whether the actuator follows this PID."""
+        return self._bank.runs(self._pid)
+
+    def expire(self) -> None:
+        """Makes the setpoint zero."""
+        if self.running:
+            self._bank.follow(self._pid, 0.0)
 
     def stop(self) -> None:
         """Lets the actuator keep its control."""
@@ -124,6 +140,13 @@ class Drive:
         self.desired = value if interface == "position" else None
         for follower, multiplier, offset in self.followers:
             follower.command(interface, multiplier * value + (offset if interface == "position" else 0.0))
+
+    def expire(self, interface: Interface) -> None:
+        """Makes a velocity or an effort zero, here and where it is mimicked, where nothing else was told since."""
+        for route in self.routes.get(interface, ()):
+            route.expire()
+        for follower, _, _ in self.followers:
+            follower.expire(interface)
 
     @property
     def is_regulated(self) -> bool:

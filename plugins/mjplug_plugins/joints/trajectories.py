@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from mjplug.plugin import Host, RequestError, quoted
 from mjplug_plugins.joints.drives import JointDrives
-from mjplug_plugins.joints.route import LARGEST, Drive
+from mjplug_plugins.joints.route import Drive
 from mjplug_plugins.joints.trajectory import Motion, check
 from mjplug_schemas.trajectory_msgs import JointTrajectory
 
@@ -42,11 +42,8 @@ class Trajectories:
         """Joints that are under way."""
         return sum(len(track.drives) for track in self._tracks)
 
-    def start(self, trajectory: JointTrajectory) -> list[Drive]:
+    def start(self, trajectory: JointTrajectory) -> None:
         """Lets joints follow a trajectory; one without points stops them where they are.
-
-        Returns:
-            The joints.
 
         Raises:
             RequestError: Something in it is wrong; the joints go on as before.
@@ -56,12 +53,9 @@ class Trajectories:
             for drive in drives:
                 self.drop(drive)
                 drive.command("position", float(self._host.data.qpos[drive.joint.qpos]))
-            return drives
+            return
         now = self._host.time_ns
         check(trajectory, now)
-        for point in trajectory.points:
-            if max(map(abs, point.positions)) > LARGEST:
-                raise RequestError(f"a position of {max(map(abs, point.positions)):g} is beyond anything possible")
         position = np.array([self._host.data.qpos[drive.joint.qpos] for drive in drives])
         velocity = np.array([self._host.data.qvel[drive.joint.dof] for drive in drives])
         if self._from_desired:
@@ -71,7 +65,6 @@ class Trajectories:
             self.drop(drive)
         self._tracks.append(_Track(motion, drives))
         self.running = True
-        return drives
 
     def drop(self, drive: Drive) -> None:
         """Takes a joint out of its trajectory."""

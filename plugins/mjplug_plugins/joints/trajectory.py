@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import RequestError
+from mjplug.plugin import RequestError, doubles
+from mjplug_plugins.joints.route import LARGEST
 from mjplug_schemas.builtin_interfaces import Duration, Time
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
 
@@ -39,6 +40,8 @@ class Motion:
         self._points = points
         self._segment = 0
         self._coefficients = np.empty((0, len(position)))
+        self._powers = np.ones(1)
+        self._each_power = doubles(self._powers)
         self.end = self._times[-1]
 
     def at(self, time: int) -> Array:
@@ -55,11 +58,13 @@ class Motion:
             moved = True
         if moved:
             self._coefficients = self._polynomial(self._segment)
-        t = (time - self._times[self._segment]) / _SECOND
-        positions: Array = self._coefficients[-1].copy()
-        for coefficient in self._coefficients[-2::-1]:
-            positions *= t
-            positions += coefficient
+            self._powers = np.ones(len(self._coefficients))
+            self._each_power = doubles(self._powers)
+        t, power, powers = (time - self._times[self._segment]) / _SECOND, 1.0, self._each_power
+        for k in range(1, len(powers)):
+            power *= t
+            powers[k] = power
+        positions: Array = self._powers @ self._coefficients
         return positions
 
     def velocity_at(self, time: int) -> Array:
@@ -122,8 +127,12 @@ def check(trajectory: JointTrajectory, now: int) -> None:
             values = getattr(point, name)
             if values and len(values) != count:
                 raise RequestError(f"points[{index}].{name} has {len(values)} numbers for {count} joints")
-            if not all(map(math.isfinite, values)):
-                raise RequestError(f"points[{index}].{name} has a number that is not finite")
+            # The sum is quick, and NaN too makes it wrong: physics waits while a long trajectory is looked at.
+            if not sum(map(abs, values)) <= LARGEST:
+                for wrong in (value for value in values if not abs(value) <= LARGEST):
+                    raise RequestError(
+                        f"points[{index}].{name} has {wrong:g}; numbers must be finite and below {LARGEST:g}"
+                    )
         time = _ns(point.time_from_start)
         if time <= before:
             raise RequestError(
