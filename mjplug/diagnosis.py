@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from mjplug.log import ros_string
+
 _log = logging.getLogger(__name__)
 
 
@@ -66,6 +68,5 @@ class Diagnostics:
 
 
 def _text(value: object) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
     # What is no ROS string, such as an undecodable file name, must not keep the other statuses back.
-    return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
+    return ros_string(f"{value:.6g}" if isinstance(value, float) else str(value))

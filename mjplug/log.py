@@ -37,6 +37,11 @@ def _who(logger: str) -> str:
     return "" if instance == logger else f"{instance}: "
 
 
+def ros_string(text: str) -> str:
+    """Returns a text as a ROS string can hold it: without NUL, and without what is no character."""
+    return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
+
+
 @contextlib.contextmanager
 def logging_to_stderr(verbosity: int) -> Iterator[None]:
     """Sends log records to standard error until the end of the block.

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from time import monotonic
+from pathlib import Path
+from time import monotonic, perf_counter
 from types import FrameType
 from typing import Any
 
@@ -23,10 +24,12 @@ from mjplug.services import (
     diagnostics,
     parameters,
     reset_world,
+    rosout,
     set_free_joint_state,
     set_pause,
     step_simulation,
 )
+from mjplug.services.plugin_times import PluginTimes
 from mjplug.transport import Transport
 from mjplug.work import Workers
 from mjplug_schemas.names import resolve
@@ -51,6 +54,7 @@ class Server:
         transport: Where endpoints are declared; the caller closes it after `run`.
         plugins: What to run, in the order of their updates.
         workers: Who runs the works of the plugins; the caller closes it after `run`.
+        model_file: The model's file, if it comes from one.
 
     Raises:
         PluginError: A plugin refused to start; those that had started are cleaned up.
@@ -63,6 +67,7 @@ class Server:
         transport: Transport,
         plugins: Sequence[Selected],
         workers: Workers,
+        model_file: Path | None = None,
     ) -> None:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
@@ -70,14 +75,22 @@ class Server:
         self._settings = settings
         self._transport = transport
         self._workers = workers
+        self._model_file = model_file
         self.diagnostics = Diagnostics()
         self._cleanups = ExitStack()
+        self._times = PluginTimes(self.loop, perf_counter())
+        # Before the diagnostics are published.
+        self.loop.on_second.append(self._times.look)
         host = self._host(settings.node_name, disable_on_error=False)
+        name = f"{settings.namespace}/{settings.node_name}"
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings)
-        diagnostics.offer(host, self.loop, self.diagnostics, f"{settings.namespace}/{settings.node_name}")
+        diagnostics.offer(host, self.loop, self.diagnostics, name)
+        self.diagnostics.add("plugins", self._times.diagnose)
+        # The first to come and the last to go, so that what plugins log in between is in it.
+        self._cleanups.callback(rosout.offer(host, self.loop, name))
         try:
             for selected in plugins:
                 self._start(selected)
@@ -108,7 +121,7 @@ class Server:
         self._cleanups.close()
 
     def _start(self, selected: Selected) -> None:
-        host = self._host(selected.name, self._settings.on_plugin_error == "disable")
+        host = self._host(selected.name, self._settings.on_plugin_error == "disable", selected.folders)
         plugin = self.plugins[selected.name] = selected.plugin_class()
         self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
         host.attach(plugin)
@@ -120,7 +133,7 @@ class Server:
             _log.exception("plugin %s failed to start", selected.name)
             raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
 
-    def _host(self, name: str, disable_on_error: bool) -> Host:
+    def _host(self, name: str, disable_on_error: bool, folders: Sequence[Path] = ()) -> Host:
         settings = self._settings
         return Host(
             name,
@@ -131,6 +144,9 @@ class Server:
             self.diagnostics,
             settings.sim.seed,
             disable_on_error,
+            self._model_file,
+            folders,
+            self._times.add(name),
         )
 
     @staticmethod
@@ -156,8 +172,7 @@ def stopping_on_signals(loop: Loop) -> Iterator[None]:
     def stop(number: int, frame: FrameType | None) -> None:
         if not first:
             first.append(monotonic())
-            # SimpleQueue.put may be called from a signal handler, at any point of the loop.
-            loop.inbox.post(loop.stop)
+            loop.inbox.interrupt(loop.stop)
         elif monotonic() - first[0] > SAME_SIGNAL:
             signal.signal(number, signal.SIG_DFL)
             signal.raise_signal(number)

@@ -16,13 +16,20 @@ from mjplug.cli.plugin import app as plugin_app
 from mjplug.cli.serve import serve
 from mjplug.cli.service import app as service_app
 from mjplug.cli.sim import app as sim_app
+from mjplug.cli.top import top
 from mjplug.cli.topic import app as topic_app
 from mjplug.errors import ConfigError, MjplugError
 
 app = typer.Typer(
     name="mjplug",
     help="A MuJoCo simulation server that speaks Zenoh: ROS 2 topics and services, without ROS.",
-    epilog="\b\nExit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,\n"
+    epilog=examples(
+        "mjplug serve bundled:arm --plugin heartbeat      (and in another terminal:)",
+        "mjplug topic list -t",
+        "mjplug topic echo /clock --once",
+        "mjplug sim pause",
+    )
+    + "\n\n\b\nExit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,\n"
     "6 timeout, 7 refused by the server, 130 Ctrl-C.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -42,6 +49,7 @@ app.command(
 )(serve)
 for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app):
     app.add_typer(group)
+app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
 app.command()(doctor)
 app.command(epilog=COMPLETION_EPILOG)(completion)
 

@@ -6,10 +6,9 @@ import typer
 
 from mjplug.cli.examples import examples
 from mjplug.cli.output import say
+from mjplug.cli.quick_completion import VARIABLE
 
 _PROGRAM = "mjplug"
-VARIABLE = "_MJPLUG_COMPLETE"
-"""The environment variable by which the shell asks; typer's name for it."""
 
 
 def completion(

@@ -13,6 +13,9 @@ Format = Literal["yaml", "json", "csv"]
 
 def say(text: str = "") -> None:
     """Prints a line at once. When the reader is gone, as in `| head -1`, the command ends, and has not failed."""
+    if sys.stdout is None:
+        # Closed by the shell, as in `>&-`: nobody wants to read.
+        return
     try:
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
@@ -20,6 +23,10 @@ def say(text: str = "") -> None:
         # What is left in the buffer would be complained about at the end of the process.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(0) from None
+    except OSError as error:
+        complain(f"error: cannot write: {error.strerror}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(1) from None
 
 
 def say_json(value: Any) -> None:

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.engine import import_mujoco
+from mjplug.cli.output import say
 from mjplug.errors import ConfigError, UnknownName
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
     from mjplug.config.draft import Draft
+    from mjplug.config.load import Option
     from mjplug.config.settings import Sim
     from mjplug.core.simulation import Simulation
 
@@ -68,17 +70,17 @@ def serve(
     """
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
-    from mjplug.config.load import read
+    from mjplug.config.load import Option, read
 
     if duration is not None and not math.isfinite(duration):
         raise typer.BadParameter("it must be finite", param_hint="--duration")
     sets = [*_plugins(plugin or []), *(set_ or [])]
-    sets += ["sim.paused=true"] if paused else []
+    sets += [Option("--paused", "sim.paused=true")] if paused else []
     # Quoted, so that a name such as 1 or on stays text.
-    sets += [f"sim.keyframe={json.dumps(keyframe)}"] if keyframe is not None else []
-    sets += [f"sim.speed={speed}"] if speed is not None else []
-    sets += [f"zenoh.listen={json.dumps(listen)}"] if listen else []
-    sets += [f"zenoh.connect={json.dumps(connect)}"] if connect else []
+    sets += [Option(f"--keyframe {keyframe}", f"sim.keyframe={json.dumps(keyframe)}")] if keyframe is not None else []
+    sets += [Option(f"--speed {speed}", f"sim.speed={speed}")] if speed is not None else []
+    sets += [_endpoints("listen", listen)] if listen else []
+    sets += [_endpoints("connect", connect)] if connect else []
     with logging_to_stderr(-1 if quiet else verbose):
         _run(read(config, model=model, sets=sets), duration, check)
 
@@ -111,7 +113,7 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
 
     if check:
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
-        typer.echo(f"ok · {summary}")
+        say(f"ok · {summary}")
         return
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
@@ -154,18 +156,25 @@ def _state(sim: "Sim") -> str:
     return "speed max" if sim.speed == "max" else f"speed {sim.speed:g}"
 
 
-def _plugins(wanted: list[str]) -> list[str]:
+def _endpoints(name: str, given: list[str]) -> "Option":
+    from mjplug.config.load import Option
+
+    return Option(" ".join(f"--{name} {endpoint}" for endpoint in given), f"zenoh.{name}={json.dumps(given)}")
+
+
+def _plugins(wanted: list[str]) -> "list[str | Option]":
     """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`.
 
     Raises:
         BadParameter: Two of them have one name.
     """
+    from mjplug.config.load import Option
     from mjplug.config.problem import Mark, Problem, Source
     from mjplug.plugin.registry import registered
     from mjplug_schemas.errors import NameRuleError
     from mjplug_schemas.names import validate_node_name
 
-    sets: dict[str, str] = {}
+    sets: dict[str, str | Option] = {}
     for text in wanted:
         kind, colon, name = text.rpartition(":")
         # In module:Class the colon belongs to the type; a class begins with a capital letter, an instance rarely does.
@@ -176,8 +185,10 @@ def _plugins(wanted: list[str]) -> list[str]:
         except NameRuleError as error:
             raise ConfigError([Problem(str(error), Mark(Source(f"--plugin {text}")))]) from error
         if name in sets:
-            raise typer.BadParameter(f"two plugins are called {name!r}; give one a name: --plugin {kind}:NAME")
-        sets[name] = f"plugins.{name}.type={json.dumps(kind)}"
+            raise typer.BadParameter(
+                f"two plugins are called {name!r}; give one a name: --plugin {kind}:NAME", param_hint="--plugin"
+            )
+        sets[name] = Option(f"--plugin {text}", f"plugins.{name}.type={json.dumps(kind)}")
     return list(sets.values())
 
 

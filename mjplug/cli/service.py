@@ -64,10 +64,15 @@ def find(
 ) -> None:
     """Lists the services of a type."""
     from mjplug.cli.values import full_type
+    from mjplug.client.types import find as find_type
 
-    for service in client.services().values():
-        if service.type == full_type(type, "srv"):
-            say(service.name)
+    wanted = full_type(type, "srv")
+    names = [service.name for service in client.services().values() if service.type == wanted]
+    if not names:
+        # Whoever mistypes a type should hear of it.
+        find_type(wanted)
+    for name in names:
+        say(name)
 
 
 @app.command(

@@ -103,7 +103,8 @@ def reset(
     say(client.call("~/reset_world", keyframe=keyframe).message)
 
 
-@app.command()
+# So that -1 is no flag, and the server says what is wrong with it.
+@app.command(context_settings={"ignore_unknown_options": True})
 @connected
 def speed(
     client: "Client",

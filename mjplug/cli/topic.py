@@ -69,10 +69,15 @@ def find(
 ) -> None:
     """Lists the topics of a type."""
     from mjplug.cli.values import full_type
+    from mjplug.client.types import find as find_type
 
-    for topic in client.topics().values():
-        if topic.type == full_type(type, "msg"):
-            say(topic.name)
+    wanted = full_type(type, "msg")
+    names = [topic.name for topic in client.topics().values() if topic.type == wanted]
+    if not names:
+        # Whoever mistypes a type should hear of it.
+        find_type(wanted)
+    for name in names:
+        say(name)
 
 
 app.command(epilog=examples("mjplug topic echo /clock --once", "mjplug topic echo /clock --field clock.sec -o csv"))(

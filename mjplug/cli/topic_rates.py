@@ -52,7 +52,7 @@ def hz(
     Prints a report every second until Ctrl-C.
     """
     kind = _stamped(client, topic) if use_sim_time else None
-    _report(client, topic, window, count, timeout, lambda sample: _time(sample, kind), _rate)
+    _report(client, topic, window, count, timeout, lambda sample: arrival(sample, kind), _rate)
 
 
 @connected
@@ -63,7 +63,7 @@ def bw(
 
     Prints a report every second until Ctrl-C.
     """
-    _report(client, topic, window, count, timeout, lambda sample: (time.monotonic(), len(sample.payload)), _bandwidth)
+    _report(client, topic, window, count, timeout, lambda sample: (time.monotonic(), len(sample.payload)), bandwidth)
 
 
 @connected
@@ -79,8 +79,8 @@ def delay(
 
     kind = _stamped(client, topic)
     now = _SimulatedNow()
-    clock = client.subscribe("/clock", Clock, now.tick, depth=100)
-    if clock.latest(timeout if timeout is not None else 5.0) is None:
+    client.subscribe("/clock", Clock, now.tick, depth=100)
+    if not now.known.wait(timeout if timeout is not None else 5.0):
         from mjplug.client import TimedOutError
 
         raise TimedOutError("nothing comes on /clock, so nobody knows how old a message is")
@@ -132,13 +132,20 @@ def _report(
             fresh, before = arrivals[0] > before, arrivals[0]
             # A copy: Zenoh's thread goes on writing.
             taken = list(values.copy())
-            say(line(taken) if fresh and len(taken) > 1 else "no new messages" if before else "no messages yet")
+            say(line(taken) if fresh and len(taken) > 1 else _too_few(before, fresh))
             reports += 1
     finally:
         subscriber.undeclare()  # type: ignore[no-untyped-call]
 
 
-def _time(sample: "zenoh.Sample", kind: Any) -> float:
+def _too_few(arrived: int, fresh: bool) -> str:
+    if not arrived:
+        return "no messages yet"
+    return "too few messages yet" if fresh else "no new messages"
+
+
+def arrival(sample: "zenoh.Sample", kind: Any) -> float:
+    """Returns the wall time at this moment, or the time by the stamp in a sample of a type [s]."""
     return time.monotonic() if kind is None else _stamp(kind, sample)
 
 
@@ -153,11 +160,14 @@ def _rate(times: list[float]) -> str:
     )
 
 
-def _bandwidth(samples: list[tuple[float, int]]) -> str:
+def bandwidth(samples: list[tuple[float, int]]) -> str:
+    """Returns the report on messages of which the time of arrival [s] and the size [bytes] are known."""
     sizes = [size for _, size in samples]
-    span = time.monotonic() - samples[0][0]
+    span = samples[-1][0] - samples[0][0]
+    # The first one came before the span.
+    per_second = _bytes(sum(sizes[1:]) / span) if span > 0.0 else "unknown"
     return (
-        f"{_bytes(sum(sizes) / span)}/s from {len(sizes)} messages\n"
+        f"{per_second}/s from {len(sizes)} messages\n"
         f"\tMessage size mean: {_bytes(statistics.fmean(sizes))} min: {_bytes(min(sizes))} max: {_bytes(max(sizes))}"
     )
 
@@ -199,19 +209,27 @@ def _stamp(kind: Any, sample: "zenoh.Sample") -> float:
 
 
 class _SimulatedNow:
-    """Simulated time at any moment, from the messages on /clock."""
+    """Simulated time at any moment, from the messages on /clock.
+
+    Attributes:
+        known: Set once two messages have told time and rate.
+    """
 
     def __init__(self) -> None:
-        self._last = (time.monotonic(), 0.0)
-        self._rate = 0.0
+        self.known = threading.Event()
+        # Wall time, simulated time and the rate between the last two messages, replaced as one: two threads use it.
+        self._last: tuple[float, float, float] | None = None
 
     def tick(self, message: Any) -> None:
         """Takes a message."""
-        now, before = (time.monotonic(), message.clock.sec + message.clock.nanosec / 1e9), self._last
-        if before[1] and now[0] > before[0]:
-            self._rate = (now[1] - before[1]) / (now[0] - before[0])
-        self._last = now
+        wall, simulated, before = time.monotonic(), message.clock.sec + message.clock.nanosec / 1e9, self._last
+        if before is None:
+            self._last = (wall, simulated, 0.0)
+        elif wall > before[0]:
+            self._last = (wall, simulated, (simulated - before[1]) / (wall - before[0]))
+            self.known.set()
 
     def __call__(self) -> float:
-        wall, simulated = self._last
-        return simulated + self._rate * (time.monotonic() - wall)
+        assert self._last is not None
+        wall, simulated, rate = self._last
+        return simulated + rate * (time.monotonic() - wall)

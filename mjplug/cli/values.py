@@ -48,7 +48,7 @@ def parse(text: str | None) -> dict[str, Any]:
     if document.problems:
         raise WrongTypeError(document.problems[0].message + _HINT)
     if not isinstance(document.value, dict):
-        raise WrongTypeError(f"{text!r} are no fields{_HINT}")
+        raise WrongTypeError(f"{text!r} has no fields in it{_HINT}")
     return document.value
 
 

@@ -10,13 +10,14 @@ from mjplug.config.document import Document, Place, read_document
 from mjplug.config.draft import Draft, Loaded
 from mjplug.config.explain import show
 from mjplug.config.origins import Origins
+from mjplug.config.overrides import Option
 from mjplug.config.problem import Mark, Problem, Source
 from mjplug.config.ros_params import is_ros_file, node_names, own_form
 from mjplug.config.settings import Settings
 from mjplug.config.tree import Tree
 from mjplug.errors import ConfigError
 
-__all__ = ["Draft", "Loaded", "is_model", "load", "read"]
+__all__ = ["Draft", "Loaded", "Option", "is_model", "load", "read"]
 
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
@@ -27,7 +28,7 @@ def load(
     path: str | Path | None,
     *,
     model: str | None = None,
-    sets: Sequence[str] = (),
+    sets: Sequence[str | Option] = (),
     environ: Mapping[str, str] = os.environ,
 ) -> Loaded:
     """Loads a configuration; nobody checks plugin parameters, as somebody may between `read` and `Draft.finish`.
@@ -48,7 +49,7 @@ def read(
     path: str | Path | None,
     *,
     model: str | None = None,
-    sets: Sequence[str] = (),
+    sets: Sequence[str | Option] = (),
     environ: Mapping[str, str] = os.environ,
 ) -> Draft:
     """Reads a configuration.
@@ -56,7 +57,8 @@ def read(
     Args:
         path: A file of our own form, a ROS parameter file, or a model; None for nothing but options.
         model: The model, in place of the one in the file (`--model`).
-        sets: Values such as `sim.speed=2` (`--set`); they win over the environment, and that over the file.
+        sets: Values such as `sim.speed=2` (`--set`), or options that stand for such; they win over the environment,
+            and that over the file.
         environ: Environment variables; those such as `MJPLUG_SIM__SPEED` count.
 
     Raises:
@@ -84,7 +86,7 @@ class _Options:
     """What does not come from files."""
 
     model: str | None
-    sets: Sequence[str]
+    sets: Sequence[str | Option]
     environ: Mapping[str, str]
 
 

@@ -1,6 +1,7 @@
 """Values from the command line and from environment variables, put over those of the files."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import cast
 
 from mjplug.config.document import Place, parse_document, unquoted
@@ -17,6 +18,19 @@ ROS_DOMAIN = "ROS_DOMAIN_ID"
 
 RESERVED = ("MJPLUG_CONNECT", "MJPLUG_LOG")
 """Variables that begin like this say something else than the configuration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A value that the command line has an option of its own for.
+
+    Attributes:
+        typed: As the user typed it, and as errors show it: `--speed 2`.
+        meant: The same as `--set` takes it: `sim.speed=2`.
+    """
+
+    typed: str
+    meant: str
 
 
 def put_model(tree: Tree, model: str) -> None:
@@ -49,16 +63,17 @@ def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
     return problems
 
 
-def put_sets(tree: Tree, sets: Sequence[str]) -> list[Problem]:
-    """Puts in `sim.speed=2` and its like, as `--set` takes them; later ones win.
+def put_sets(tree: Tree, sets: Sequence[str | Option]) -> list[Problem]:
+    """Puts in `sim.speed=2` and its like, as `--set` takes them, and what other options mean; later ones win.
 
     Returns:
         What is wrong with them.
     """
     problems: list[Problem] = []
     for given in sets:
-        source = Source(f"--set {given}")
-        name, equals, text = given.partition("=")
+        option = Option(f"--set {given}", given) if isinstance(given, str) else given
+        source = Source(option.typed)
+        name, equals, text = option.meant.partition("=")
         path = name.strip().split(".")
         if not equals or not all(path):
             problems.append(Problem("write it as path=value, such as sim.speed=2", Mark(source)))

@@ -3,18 +3,23 @@
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
+from pathlib import Path
+from time import perf_counter
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.core.loop import Loop, Stepper
+from mjplug.core.loop import Loop
+from mjplug.core.model_location import locate
 from mjplug.core.scheduler import Slow, Timer
+from mjplug.core.steppers import Stepper
 from mjplug.core.velocity import VelocityHold
 from mjplug.diagnosis import Diagnosis, Diagnostics, Level
 from mjplug.errors import PluginError
 from mjplug.log import INSTANCES
+from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug.work import NO_RENDERER, Job, Order, Work, Worker, Workers
 from mjplug_schemas.builtin_interfaces import Time
@@ -47,6 +52,7 @@ class Host:
         model: The compiled model. Fixed for the life of the plugin.
         data: The live state. What `init` caches of its arrays stays valid.
         random: Random numbers of this instance, seeded by `sim.seed` and its name.
+        model_file: The model's file; None if it comes from none.
 
     Args:
         name: The instance's name.
@@ -58,6 +64,9 @@ class Host:
         seed: `sim.seed`.
         disable_on_error: Whether an exception in the plugin's own work switches the plugin off instead of stopping the
             server.
+        model_file: The model's file.
+        folders: Where relative file names in the instance's parameters count from, first choice first.
+        stopwatch: Counts the time that the plugin takes.
     """
 
     def __init__(
@@ -70,12 +79,18 @@ class Host:
         diagnostics: Diagnostics,
         seed: int = 0,
         disable_on_error: bool = False,
+        model_file: Path | None = None,
+        folders: Sequence[Path] = (),
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         self.name = name
         self.logger = logging.getLogger(f"{INSTANCES}.{name}")
         self.model: mujoco.MjModel = loop.simulation.model
         self.data: mujoco.MjData = loop.simulation.data
         self.random = np.random.default_rng([seed, *name.encode()])
+        self.model_file = model_file
+        self._folders = tuple(folders)
+        self._stopwatch = stopwatch or Stopwatch()
         self._loop = loop
         self._simulation = loop.simulation
         self._transport = transport
@@ -117,7 +132,7 @@ class Host:
 
         NaN leaves it to physics; all entries are NaN before the first plugin's update of each step.
         """
-        return self._loop.velocity_override
+        return self._loop.steppers.velocity_override
 
     def now(self) -> Time:
         """Returns the simulated time as a message, for stamps."""
@@ -138,6 +153,14 @@ class Host:
             UnknownName: The model has no such body; the sentence lists those it has.
         """
         return self._simulation.body_id(name)
+
+    def find_file(self, name: str) -> Path:
+        """Returns the file that a parameter names: relative to the configuration file, absolute, or package://pkg/path.
+
+        Raises:
+            ModelError: There is none; the sentence says where it was looked for.
+        """
+        return locate(name, self._folders)
 
     def kinematics(self) -> None:
         """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; a step leaves them older."""
@@ -161,12 +184,12 @@ class Host:
     def activate(self) -> None:
         """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
         if self._stepper is not None and not self._disabled:
-            self._loop.activate(self._stepper)
+            self._loop.steppers.activate(self._stepper)
 
     def deactivate(self) -> None:
         """Ends the calls of `update`."""
         if self._stepper is not None:
-            self._loop.deactivate(self._stepper)
+            self._loop.steppers.deactivate(self._stepper)
 
     def create_publisher(
         self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
@@ -214,10 +237,12 @@ class Host:
         def take(number: int, message: M) -> None:
             # Each message keeps its place among the requests; one that newer ones have overtaken is dropped.
             if newest[0] - number < qos.depth and not self._disabled:
+                began = perf_counter()
                 try:
                     callback(message)
                 except Exception:
                     self.logger.exception("a message on %s could not be handled", name)
+                self._stopwatch.add(began)
 
         self._transport.open_subscription(Topic(self.full_name(name), type, qos), deliver)
 
@@ -237,7 +262,9 @@ class Host:
             if self._disabled:
                 call.refuse(self._disabled)
             else:
+                began = perf_counter()
                 self._loop.serve(call, handler, owner=self)
+                self._stopwatch.add(began)
 
         self._transport.open_service(
             ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
@@ -298,6 +325,22 @@ class Host:
         self._holds.append(hold)
         return hold
 
+    def claim_controls(self, actuators: Sequence[int]) -> None:
+        """Says that the plugin sets the controls of some actuators; the log warns if another one does too.
+
+        Args:
+            actuators: Their places in `ctrl`.
+        """
+        others = self._simulation.claim_controls(actuators, self.name)
+        if others:
+            names = (mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, a) or str(a) for a in others)
+            self.logger.warning(
+                "plugin %s sets the same controls as %s, those of %s: each undoes what the other one does",
+                self.name,
+                ", ".join(sorted(set(others.values()))),
+                ", ".join(names),
+            )
+
     def create_worker(
         self,
         work: Work,
@@ -348,8 +391,9 @@ class Host:
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
-        self._stepper = _PluginStepper(plugin.update, self._guarded(plugin.on_reset), self._fail)
-        self._loop.add(self._stepper)
+        stepper = self._stepper = _PluginStepper(plugin.update, self._guarded(plugin.on_reset), self._fail)
+        self._stopwatch.watch(stepper)
+        self._loop.steppers.add(stepper)
 
     def _guarded(self, callback: Callable[P, None]) -> Callable[P, None]:
         """Wraps the plugin's own work, so that its failure is loud and follows the `on_plugin_error` policy."""
@@ -357,10 +401,12 @@ class Host:
         def call(*args: P.args, **kwargs: P.kwargs) -> None:
             if self._disabled:
                 return
+            began = perf_counter()
             try:
                 callback(*args, **kwargs)
             except Exception as error:
                 self._fail(error)
+            self._stopwatch.add(began)
 
         return call
 

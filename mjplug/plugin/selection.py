@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -15,11 +16,12 @@ from mjplug.plugin.plugin import Parameters, Plugin
 
 @dataclass(frozen=True, slots=True)
 class Selected:
-    """One plugin instance to run."""
+    """One plugin instance to run; relative file names in its parameters count from the folders, first choice first."""
 
     name: str
     plugin_class: type[Plugin[Any]]
     parameters: Parameters
+    folders: tuple[Path, ...] = ()
 
 
 def select(draft: Draft) -> tuple[Loaded, list[Selected]]:
@@ -43,5 +45,5 @@ def select(draft: Draft) -> tuple[Loaded, list[Selected]]:
         except ValidationError as error:
             problems += draft.explain(error, ("plugins", name), plugin_class.parameters_type)
         else:
-            selected.append(Selected(name, plugin_class, parameters))
+            selected.append(Selected(name, plugin_class, parameters, draft.folders(("plugins", name))))
     return draft.finish(problems), selected

@@ -1,17 +1,21 @@
-"""`/diagnostics`: how the server and its plugins are, once a second of wall time."""
+"""`/diagnostics`: how the server and its plugins are, once a second of wall time; and whenever somebody asks."""
 
+from collections import deque
 from time import perf_counter
 
-from mjplug.core.loop import Loop
+from mjplug.core.loop import SECOND, Loop
 from mjplug.diagnosis import Diagnosis, Diagnostics
-from mjplug.plugin import DEFAULT, Host
+from mjplug.plugin import DEFAULT, Call, Host
 from mjplug.services.simulation_health import SimulationHealth
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus, KeyValue
 from mjplug_schemas.std_msgs import Header
+from mjplug_schemas.std_srvs import Trigger
 
 
 def offer(host: Host, loop: Loop, diagnostics: Diagnostics, server: str) -> None:
     """Publishes every status while somebody listens, paused or not, stamped with simulated time.
+
+    `~/get_diagnostics` answers with what would be published, as JSON.
 
     Args:
         host: The server's own host.
@@ -25,13 +29,25 @@ def offer(host: Host, loop: Loop, diagnostics: Diagnostics, server: str) -> None
         health.look(now)
         if not publisher.matched:
             return
-        status = tuple(_status(f"{host.name}: {name}", server, said) for name, said in diagnostics.diagnose().items())
-        publisher.publish(DiagnosticArray(header=Header(stamp=host.now()), status=status))
+        publisher.publish(ask(now))
 
+    def ask(now: float) -> DiagnosticArray:
+        status = tuple(_status(f"{host.name}: {name}", server, said) for name, said in diagnostics.diagnose().items())
+        asked.append((now, DiagnosticArray(header=Header(stamp=host.now()), status=status)))
+        return asked[-1][1]
+
+    def answer(request: Trigger.Request, call: Call) -> Trigger.Response:
+        # Some tell what was new since they were asked, so they are not asked more often than for the topic.
+        now = perf_counter()
+        recent = asked[-1][1] if asked and now - asked[-1][0] < SECOND else ask(now)
+        return Trigger.Response(success=True, message=recent.to_json().decode())
+
+    asked: deque[tuple[float, DiagnosticArray]] = deque(maxlen=1)
     health = SimulationHealth(loop, perf_counter())
     diagnostics.add("simulation", health.diagnose)
     publisher = host.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
     loop.on_second.append(publish)
+    host.create_service(Trigger, "~/get_diagnostics", answer)
 
 
 def _status(name: str, server: str, said: Diagnosis) -> DiagnosticStatus:

@@ -33,6 +33,7 @@ class Network:
     Attributes:
         session: The session.
         open_calls: The requests that wait for an answer.
+        publishers: Everything that is published, by the server or by its workers.
 
     Args:
         session: An open session. The network closes it.
@@ -54,6 +55,7 @@ class Network:
         self.open_calls = OpenCalls(max_open_calls)
         self._dialects = tuple(dialects)
         self._max_payload = max_payload
+        self.publishers: list[WirePublisher[Any]] = []
         self._types: dict[str, type[Message]] = {}
         self._servers: dict[str, ServiceServer] = {}
         self._subscriptions: list[Subscription[Any]] = []
@@ -82,7 +84,9 @@ class Network:
         notify = on_matched or _nothing
         outlets = [outlet for dialect in self._dialects for outlet in dialect.open_outlets(topic, notify)]
         self._list_topic(topic, "published")
-        return WirePublisher(topic, outlets)
+        publisher = WirePublisher(topic, outlets)
+        self.publishers.append(publisher)
+        return publisher
 
     def open_subscription(self, topic: Topic[M], deliver: Callable[[M], None]) -> None:
         """Declares a subscription.

@@ -16,6 +16,11 @@ from mjplug.transport import QoS
 from mjplug.wire.dialect import OutletLease
 from mjplug.wire.encoding import Form
 
+IN_PLACE = zenoh.Priority.DATA_LOW
+"""Of what a worker process publishes, which is large: it has a queue of its own in each link. In one with the rest, a
+link that is full of images makes a put of the server wait for up to 50 ms, and loses what is small.
+"""
+
 _HEARTBEAT = 0.5
 """How soon a subscriber learns that it missed the last message of a reliable latched topic [s]; rmw_zenoh's value."""
 
@@ -35,6 +40,7 @@ class LiveOutlet:
         encoding: zenoh.Encoding,
         qos: QoS,
         on_matched: Callable[[], None],
+        priority: zenoh.Priority = zenoh.Priority.DATA,
     ) -> None:
         self.form = form
         self.matched = False
@@ -45,6 +51,7 @@ class LiveOutlet:
             key,
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
+            priority=priority,
             reliability=zenoh.Reliability.RELIABLE,
         )
         self._put = self._publisher.put
@@ -82,7 +89,8 @@ class LiveLease:
 
     def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveOutlet:
         """Declares the outlet."""
-        return LiveOutlet(session, self.key, self.form, zenoh.Encoding(self.encoding), self.qos, on_matched)
+        encoding = zenoh.Encoding(self.encoding)
+        return LiveOutlet(session, self.key, self.form, encoding, self.qos, on_matched, IN_PLACE)
 
 
 class LatchedOutlet:

@@ -18,15 +18,20 @@ class WirePublisher(Generic[M]):
     """Implements `mjplug.transport.Publisher`. Physics thread only.
 
     Attributes:
-        outlets: Where to.
-
-    Args:
         topic: What is published.
         outlets: Where to.
+        sent: How many messages were published here.
+        leased: Whether another process publishes in place of this one.
+
+    Args:
+        topic: As above.
+        outlets: As above.
     """
 
     def __init__(self, topic: Topic[M], outlets: Sequence[Outlet]) -> None:
-        self._topic = topic
+        self.topic = topic
+        self.sent = 0
+        self.leased = False
         self.outlets = tuple(outlets)
         self._cdr = tuple(outlet for outlet in outlets if outlet.form == "cdr")
         self._json = tuple(outlet for outlet in outlets if outlet.form == "json")
@@ -42,6 +47,7 @@ class WirePublisher(Generic[M]):
     def publish(self, message: M) -> None:
         """Sends a message to those who listen; with nobody there, it is not even encoded."""
         self._check(type(message))
+        self.sent += 1
         payload: ZBytes | None = None
         for outlet in self._cdr:
             if outlet.matched:
@@ -58,6 +64,7 @@ class WirePublisher(Generic[M]):
     def publish_frame(self, frame: CdrFrame) -> None:
         """Sends a prebuilt frame; for JSON listeners it is decoded and encoded again."""
         self._check(frame.type)
+        self.sent += 1
         payload: ZBytes | None = None
         for outlet in self._cdr:
             if outlet.matched:
@@ -74,11 +81,12 @@ class WirePublisher(Generic[M]):
 
     def lease(self) -> "PublisherLease":
         """Returns what another process needs to publish this topic in place of the server."""
-        return PublisherLease(self._topic, tuple(outlet.lease() for outlet in self.outlets))
+        self.leased = True
+        return PublisherLease(self.topic, tuple(outlet.lease() for outlet in self.outlets))
 
     def _check(self, given: type[Any]) -> None:
-        if given is not self._topic.type:
-            raise TypeError(f"topic {self._topic.name} carries {self._topic.type.TYPE}, not {given.__name__}")
+        if given is not self.topic.type:
+            raise TypeError(f"topic {self.topic.name} carries {self.topic.type.TYPE}, not {given.__name__}")
 
 
 @dataclass(frozen=True, slots=True)

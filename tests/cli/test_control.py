@@ -148,6 +148,7 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
         "external_wrench/apply_wrench": "mujoco_ros2_control_msgs/srv/ApplyExternalWrench",
         "probe/state": "std_srvs/srv/Trigger",
         "mjplug/describe_parameters": "rcl_interfaces/srv/DescribeParameters",
+        "mjplug/get_diagnostics": "std_srvs/srv/Trigger",
         "mjplug/get_parameter_types": "rcl_interfaces/srv/GetParameterTypes",
         "mjplug/get_parameters": "rcl_interfaces/srv/GetParameters",
         "mjplug/list_parameters": "rcl_interfaces/srv/ListParameters",
@@ -158,6 +159,7 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
         ("clock", "clock/@json", "published"): "rosgraph_msgs/msg/Clock",
         ("diagnostics", "diagnostics/@json", "published"): "diagnostic_msgs/msg/DiagnosticArray",
         ("mjplug/epoch", "mjplug/epoch/@json", "published"): "std_msgs/msg/UInt64",
+        ("rosout", "rosout/@json", "published"): "rcl_interfaces/msg/Log",
         ("external_wrench/wrench_markers", "external_wrench/wrench_markers/@json", "published"):
             "visualization_msgs/msg/MarkerArray",
         ("mujoco_heartbeat", "mujoco_heartbeat/@json", "published"): "std_msgs/msg/String",

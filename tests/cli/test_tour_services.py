@@ -40,6 +40,7 @@ def test_a_service_is_called_with_and_without_its_type_and_values(tour):
     # Initial values: not paused.
     resumed = tour.ask("service", "call", "~/set_pause", "mujoco_ros2_control_msgs/SetPause")
     assert yaml.safe_load(resumed)["message"] == "the simulation is now running"
+    assert "already running" in tour.ask("service", "call", "~/set_pause", "{paused: false}", "--timeout", "inf")
 
 
 def test_a_wrench_is_waited_for(tour):
@@ -64,7 +65,9 @@ def test_a_service_that_says_no_ends_with_7_and_still_shows_its_response(tour):
         (2, ("call", "~/set_pause", "std_srvs/srv/Trigger"), r"is mujoco_ros2_control_msgs/srv/SetPause, not std_srvs"),
         (2, ("call", "~/set_pause", "{pausd: true}"), r"unknown field 'pausd', did you mean 'paused'\?; known: paused"),
         (2, ("call", "~/set_pause", "{paused: 1}"), r"paused must be a bool \(true or false\), got 1"),
-        (2, ("call", "~/set_pause", "[true]"), r"'\[true\]' are no fields"),
+        (2, ("call", "~/set_pause", "[true]"), r"'\[true\]' has no fields in it"),
+        (2, ("find", "mujoco_ros2_control_msgs/SetPaus"), r"unknown type .*did you mean '\S+/srv/SetPause'\?"),
+        (2, ("call", "~/set_pause", "--timeout", "-1"), r"Invalid value for '--timeout'"),
         (2, ("call",), r"Missing argument 'SERVICE'"),
     ],
 )  # fmt: skip
@@ -120,6 +123,7 @@ def test_the_speed_is_shown_and_changed(tour):
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 2.0
     assert tour.ask("sim", "speed", "max") == "max\n"
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 5.0
+    assert "above 0, or 'max', not -1.0" in tour.fail(7, "sim", "speed", "-1")
     assert "'fast' is neither a number nor max" in tour.fail(2, "sim", "speed", "fast")
     assert "'sim.speed': it must be a finite number above 0, or 'max', not 0.0" in tour.fail(7, "sim", "speed", "0")
     assert tour.ask("sim", "speed") == "max\n"

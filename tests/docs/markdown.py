@@ -9,6 +9,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = {path.name: path for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]}
 
 _FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,}) *(?P<info>.*)")
+_NAMED = re.compile(r"(?:\w+ )?([\w-]+\.(?:json5|txt))")
 _FILE_NAME = re.compile(r"# ([\w./-]+\.(?:py|ya?ml|toml))\b")
 
 
@@ -36,8 +37,11 @@ class Block:
 
     @property
     def file(self) -> str | None:
-        """The file that the block shows, if its first line is a comment that names one: `# robot.yaml`."""
-        found = _FILE_NAME.match(self.text)
+        """The file that the block shows.
+
+        Its first line is a comment that names it, `# robot.yaml`; where comments are not allowed, the info string does.
+        """
+        found = _FILE_NAME.match(self.text) or _NAMED.fullmatch(self.info)
         return found[1] if found else None
 
 

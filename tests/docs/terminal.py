@@ -44,7 +44,7 @@ class Command:
     @property
     def talks(self) -> bool:
         """Whether it needs a running server."""
-        return self.words[0] == "mjplug" and self.words[1] in ("topic", "service", "sim")
+        return self.words[0] == "mjplug" and self.words[1] in ("topic", "service", "sim", "top")
 
     @property
     def serves(self) -> bool:
@@ -115,10 +115,15 @@ class Reader:
             check=False,
         )
 
-    def server(self, line: str) -> Server:
-        """Returns the server that a command line starts, started now if it is not yet running."""
+    def server(self, line: str, as_it_is: bool = False) -> Server:
+        """Returns the server that a command line starts, started now if it is not yet running.
+
+        Args:
+            line: The command line.
+            as_it_is: Whether its endpoints are used as they stand; otherwise it gets a free port.
+        """
         if line not in self.servers:
-            self.servers[line] = self._start(Command.parse(line))
+            self.servers[line] = self._start(Command.parse(line), as_it_is)
         return self.servers[line]
 
     def leave(self) -> None:
@@ -132,9 +137,9 @@ class Reader:
         self.servers.clear()
         assert not any(codes.values()), codes
 
-    def _start(self, command: Command) -> Server:
+    def _start(self, command: Command, as_it_is: bool) -> Server:
         process = subprocess.Popen(
-            [sys.executable, "-m", *self._local(command)],
+            [sys.executable, "-m", *(command.words if as_it_is else self._local(command))],
             cwd=self.folder,
             env=_environment(command),
             stdout=subprocess.PIPE,

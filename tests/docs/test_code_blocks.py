@@ -64,8 +64,13 @@ def of(language: str) -> pytest.MarkDecorator:
 
 
 def test_every_block_is_of_a_kind_that_is_executed_here():
-    known = {"python", "yaml", "toml", "json", "console", "output", "bash"}
-    others = [f"{story.block.name}: {story.block.language!r}" for story in STORIES if story.block.language not in known]
+    known = {"python", "yaml", "toml", "json", "text", "console", "output", "bash"}
+    read_only = {"other-languages.md": {"rust", "c", "javascript"}}
+    others = [
+        f"{story.block.name}: {story.block.language!r}"
+        for story in STORIES
+        if story.block.language not in known | read_only.get(story.page, set())
+    ]
     assert not others
     assert len(STORIES) > 40
 
@@ -105,18 +110,36 @@ def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reade
     if "type:" in block.text:
         assert plugins
     model = load_model(loaded.settings.model, folder)
-    Server(loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkers()).cleanup()
+    Server(
+        loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkers(), model.path
+    ).cleanup()
 
 
 @of("json")
 def test_json_is_what_it_says_it_is(story):
-    kind, text = story.block.info, story.block.text
+    kind, text = story.block.info.partition(" ")[0], story.block.text
     json.loads(text)
     if kind == "zenoh":
         assert zenoh.Config.from_json5(text).get_json("mode")
         return
     interface = registry.find(kind)
     assert interface.from_json(text) != interface(), "nothing is set"
+
+
+@of("text")
+def test_a_text_is_a_file_that_other_blocks_need(story):
+    assert story.block.file
+    assert any(story.block.file in other.text for other in blocks_of(story.page) if other is not story.block)
+
+
+@pytest.mark.parametrize("language", ["rust", "c", "javascript"])
+def test_programs_in_other_languages_use_the_keys_that_the_program_in_python_uses(language):
+    blocks = blocks_of("other-languages.md")
+    python = next(block.text for block in blocks if block.language == "python")
+    (other,) = (block.text for block in blocks if block.language == language)
+    keys = re.findall(r'"(\w+(?:/@?\w+)+)"', other)
+    assert "mjplug/set_pause" in keys
+    assert all(f'"{key}"' in python for key in keys)
 
 
 @of("toml")
@@ -151,6 +174,9 @@ def test_commands_run_and_print_what_the_page_says(story, reader_of):
             code = done.returncode
         elif program == "make":
             assert set(command.words[1:]) <= MAKE_TARGETS, line
+        elif program == "python":
+            # Examples are run by tests/examples.
+            assert (ROOT / command.words[1]).exists(), line
         elif program in ("pip", "git"):
             assert shutil.which(program), line
             assert story.output is None

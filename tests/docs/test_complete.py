@@ -98,7 +98,8 @@ def test_every_topic_and_service_is_in_a_table_with_its_type():
     transport = FakeTransport()
     body = "<body name='box'><freejoint/><geom size='.1'/></body>"
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    required = {"BaseVelocity": {"body": "box"}}
+    box = str(ROOT / "mjplug" / "bundled" / "box.xml")
+    required = {"BaseVelocity": {"body": "box"}, "RobotDescription": {"file": box}}
     selected = [Selected(c.__name__, c, c.parameters_type(**required.get(c.__name__, {}))) for c in CLASSES]
     Server(Settings(model="?"), Simulation(model), transport, selected, OfflineWorkers()).cleanup()
     assert len(transport.types) >= 9
@@ -114,7 +115,9 @@ def test_every_topic_and_service_is_in_a_table_with_its_type():
         elif instance:
             assert rows(section(PLUGINS, first))[f"~/{rest}"][0] == f"`{interface.TYPE}`"
         else:
-            absolute = own | rows(section(PLUGINS, "Heartbeat")) | rows(section(PLUGINS, "JointStatePublisher"))
+            absolute = dict(own)
+            for plugin_class in CLASSES:
+                absolute |= rows(section(PLUGINS, plugin_class.__name__))
             assert absolute[name][0] == f"`{interface.TYPE}`"
 
 
@@ -167,7 +170,7 @@ def test_every_command_has_a_section_with_its_arguments_and_flags(name):
 
 def test_a_command_that_talks_to_a_server_has_the_options_for_it():
     for name, command in commands():
-        if name.split()[0] in ("topic", "service", "sim"):
+        if name.split()[0] in ("topic", "service", "sim", "top"):
             assert set(SHARED) <= flags_of(command), name
 
 

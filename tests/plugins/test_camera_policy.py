@@ -240,16 +240,12 @@ def without_gl(monkeypatch, backend="egl"):
     )
 
 
-def test_without_opengl_the_server_lives_and_says_what_to_install(monkeypatch, caplog, gl):  # noqa: F811
+def test_without_opengl_the_server_lives_and_triggers_say_what_to_install(monkeypatch, caplog, gl):  # noqa: F811
     without_gl(monkeypatch, gl)
     world = world_of(scene(TWO), front=POLLED)
     world.loop.step(500)
-    warnings = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
-    assert len(warnings) == 1
-    assert warnings[0] == (
-        "cameras are off, and the server runs on without them; `apt-get install libegl1 libgl1` is what Debian and "
-        "Ubuntu need"
-    )
+    # Whoever runs the work says so already.
+    assert [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING] == []
     call = world.call("/cameras/front/trigger")
     assert call.refusal.startswith("cameras are off: no OpenGL through ")
     assert "AttributeError: no eglQueryString" in call.refusal

@@ -13,7 +13,11 @@ from mjplug_schemas.names import validate_name
 
 CLASSES = sorted({registry.find(name) for name in registry.registered()}, key=lambda c: c.__name__)
 
-REQUIRED: dict[str, dict[str, object]] = {"BaseVelocity": {"body": "cube"}}
+REQUIRED: dict[str, dict[str, object]] = {
+    "BaseVelocity": {"body": "cube"},
+    "OdometryPublisher": {"body": "cube"},
+    "RobotDescription": {"file": "bundled:box"},
+}
 """Parameters without which a plugin refuses to start, by class name."""
 
 DRIVING = {"BaseVelocity"}

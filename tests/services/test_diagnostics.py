@@ -171,8 +171,8 @@ def test_the_time_that_steps_take_is_told(serve, clock):
             pass
 
     slow = Slow()
-    world.loop.add(slow)
-    world.loop.activate(slow)
+    world.loop.steppers.add(slow)
+    world.loop.steppers.activate(slow)
     for _ in range(200):
         world.loop.step(1)
     # 199 steps of 1 ms, one of 20 ms, and 0.781 s of nothing.

@@ -3,9 +3,12 @@
 import pickle
 import queue
 import threading
+import time
 
 import pytest
-from wire.conftest import ANY_PORT, PATIENCE
+import zenoh
+from wire.conftest import ANY_PORT, PATIENCE, client_config
+from wire.narrow_link import NarrowLink
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
@@ -82,6 +85,42 @@ def test_a_latched_message_of_a_tenant_waits_for_those_who_come_later(network, t
     if key == ROS_KEY:
         assert Attachment.from_bytes(bytes(sample.attachment)).gid == gid_of_the_token(client)
     kept.undeclare()
+
+
+@pytest.fixture
+def narrow_client(network, opened):
+    """A client on another machine, so to speak, to which 4 MB go in a second."""
+    link = opened(NarrowLink(int(network.session.endpoint.rpartition(":")[2]), 4e6))
+    config = client_config(link.endpoint)
+    config.insert_json5("transport/shared_memory/enabled", "false")
+    return opened(zenoh.open(config))
+
+
+@pytest.mark.parametrize("key", ["told", ROS_KEY])
+def test_a_link_that_is_full_of_what_a_tenant_publishes_loses_nothing_of_the_servers(
+    network, tenant, narrow_client, key
+):
+    matched, small_matched, large, small = threading.Event(), threading.Event(), [], queue.SimpleQueue()
+    _, publisher = handed_over(network, tenant, DEFAULT, matched.set)
+    own = network.open_publisher(Topic("/small", String, DEFAULT), small_matched.set)
+    subscribers = [
+        narrow_client.declare_subscriber(key, Callback(large.append, indirect=False)),
+        narrow_client.declare_subscriber("small", Callback(small.put, indirect=False)),
+    ]
+    assert matched.wait(PATIENCE)
+    assert small_matched.wait(PATIENCE)
+    picture = String(data="x" * 1_000_000)
+    for number in range(150):
+        if number % 5 == 0:
+            publisher.publish(picture)
+        own.publish(String(data=str(number)))
+        time.sleep(0.01)
+    heard = [String.from_cdr(small.get(timeout=PATIENCE).payload.to_bytes()).data for _ in range(150)]
+    assert heard == [str(number) for number in range(150)]
+    # The link was full.
+    assert len(large) < 30
+    for subscriber in subscribers:
+        subscriber.undeclare()
 
 
 def test_nobody_can_join_where_nobody_is(opened):

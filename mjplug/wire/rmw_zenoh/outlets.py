@@ -12,7 +12,7 @@ from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publish
 from mjplug.transport import QoS
 from mjplug.wire.dialect import OutletLease
 from mjplug.wire.encoding import Form
-from mjplug.wire.outlets import LiveOutlet
+from mjplug.wire.outlets import IN_PLACE, LiveOutlet
 from mjplug.wire.rmw_zenoh.attachment import Attachments
 
 _HEARTBEAT = 0.5
@@ -22,10 +22,18 @@ _HEARTBEAT = 0.5
 class LiveRmwOutlet(LiveOutlet):
     """A key for the nodes that listen now."""
 
-    def __init__(self, session: zenoh.Session, key: str, gid: bytes, qos: QoS, on_matched: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        gid: bytes,
+        qos: QoS,
+        on_matched: Callable[[], None],
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> None:
         self._attachments = Attachments(gid)
         self._rmw_lease = LiveRmwLease(key, gid, qos)
-        super().__init__(session, key, "cdr", zenoh.Encoding.ZENOH_BYTES, qos, on_matched)
+        super().__init__(session, key, "cdr", zenoh.Encoding.ZENOH_BYTES, qos, on_matched, priority)
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
@@ -46,7 +54,7 @@ class LiveRmwLease:
 
     def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveRmwOutlet:
         """Declares the outlet."""
-        return LiveRmwOutlet(session, self.key, self.gid, self.qos, on_matched)
+        return LiveRmwOutlet(session, self.key, self.gid, self.qos, on_matched, IN_PLACE)
 
 
 class LatchedRmwOutlet:

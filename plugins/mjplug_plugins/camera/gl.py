@@ -24,16 +24,10 @@ _REMEDIES = {
     "glfw": "it needs a display, and apt-get install libgl1",
 }
 
-PACKAGES = "libegl1 libgl1"
-"""What lets Debian and Ubuntu render without a display."""
-
 _DEFAULT = ("", "enable", "enabled", "on", "true", "1", "glx", "cgl", "wgl")
 """What MuJoCo takes besides, for the platform's usual way."""
 
 _OFF = ("disable", "disabled", "off", "false", "0")
-
-NO_OPENGL = "no OpenGL"
-"""With this begins what is said where packages may be missing."""
 
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "gdi generic", "basic render")
 
@@ -120,6 +114,6 @@ def unavailable(reason: object) -> UnavailableError:
     """Returns the error that says why the chosen way to OpenGL is closed, and what would open it."""
     chosen = os.environ.get(BACKEND, "")
     said = f"{type(reason).__name__}: {reason}" if isinstance(reason, Exception) else str(reason)
-    said = " ".join(said.split())
+    said = " ".join(said.split()).rstrip(".")
     remedy = f" ({_REMEDIES[chosen]})" if chosen in _REMEDIES else ""
-    return UnavailableError(f"{NO_OPENGL} through {_NAMES.get(chosen, chosen or 'the default')}{remedy}: {said}")
+    return UnavailableError(f"no OpenGL through {_NAMES.get(chosen, chosen or 'the default')}{remedy}: {said}")

@@ -2,7 +2,7 @@
 
 from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, UnknownName, Worker
 from mjplug_plugins.camera.fitness import Fitness
-from mjplug_plugins.camera.gl import NO_OPENGL, PACKAGES, environments
+from mjplug_plugins.camera.gl import environments
 from mjplug_plugins.camera.parameters import CameraParameters, ViewParameters
 from mjplug_plugins.camera.schedule import Publishers, Schedule
 from mjplug_plugins.camera.triggers import Triggers
@@ -117,8 +117,6 @@ class Camera(Plugin[CameraParameters]):
     def _lost(self, tasks: frozenset[str], reason: str) -> None:
         if self._worker.health.state == "unavailable" and not self._triggers.refusal:
             self._triggers.refusal = f"cameras are off: {reason}"
-            advice = f"; `apt-get install {PACKAGES}` is what Debian and Ubuntu need" if NO_OPENGL in reason else ""
-            self._host.logger.warning("cameras are off, and the server runs on without them%s", advice)
         self._triggers.lost(tasks, reason)
 
 

@@ -1,0 +1,50 @@
+"""The names on running servers, asked for with nothing imported that takes time."""
+
+import json
+import os
+from collections.abc import Iterator
+from typing import Any, Literal
+
+_PATIENCE_MS = 1000
+"""How long to wait for a server [ms]: whoever presses TAB waits."""
+
+
+def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | None = None) -> list[str]:
+    """Returns the names of topics or services that begin so; none at all if nobody answers.
+
+    Args:
+        kind: Which.
+        begin: What has been typed of the name.
+        endpoint: Where a server listens; by default as for every command.
+    """
+    try:
+        chosen = endpoint or os.environ.get("MJPLUG_CONNECT") or "tcp/127.0.0.1:7447"
+        names = {entry["name"] for server in _servers(chosen) for entry in server[kind]}
+    except Exception:
+        # Nothing may come between a user and the prompt.
+        return []
+    return sorted(name for name in names if name.startswith(begin))
+
+
+def _servers(endpoint: str) -> Iterator[dict[str, Any]]:
+    import zenoh
+
+    config = zenoh.Config()
+    settings = {
+        "mode": "client",
+        "connect/endpoints": [endpoint],
+        "connect/timeout_ms": _PATIENCE_MS,
+        "transport/unicast/open_timeout": _PATIENCE_MS,
+        "scouting/multicast/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    with zenoh.open(config) as session:
+        tokens = [reply.ok for reply in session.liveliness().get("@mjplug/**", timeout=_PATIENCE_MS / 1e3)]
+        for token in tokens:
+            if token is None:
+                continue
+            name = str(token.key_expr).removeprefix("@mjplug/").rpartition("/")[0]
+            for reply in session.get(f"{name}/interfaces", timeout=_PATIENCE_MS / 1e3):
+                if reply.ok is not None:
+                    yield json.loads(reply.ok.payload.to_bytes())

@@ -1,0 +1,53 @@
+"""The status `plugins`: how much time each plugin takes on the physics thread."""
+
+from mjplug.core.loop import Loop
+from mjplug.diagnosis import Diagnosis
+from mjplug.plugin.stopwatch import Stopwatch
+
+
+class PluginTimes:
+    """Reports on the span of time between two looks.
+
+    Args:
+        loop: What calls the plugins.
+        now: Wall time [s].
+    """
+
+    def __init__(self, loop: Loop, now: float) -> None:
+        self._loop = loop
+        self._at = now
+        self._step = loop.simulation.step
+        self._watches: dict[str, Stopwatch] = {}
+        self._values: dict[str, object] = {}
+        self._total = 0.0
+
+    def add(self, name: str) -> Stopwatch:
+        """Returns the stopwatch of an instance."""
+        return self._watches.setdefault(name, Stopwatch())
+
+    def look(self, now: float) -> None:
+        """Ends the span that `diagnose` reports on, and begins the next.
+
+        Args:
+            now: Wall time [s].
+        """
+        seconds, steps = now - self._at, self._loop.simulation.step - self._step
+        self._at, self._step = now, self._loop.simulation.step
+        self._values, self._total = {}, 0.0
+        for name, watch in self._watches.items():
+            update, busy, calls = watch.update_time(), watch.seconds, watch.calls
+            watch.seconds, watch.calls = 0.0, 0
+            if update is not None:
+                # An estimate: it may have been active in some of these steps only.
+                busy += update * steps
+            if seconds <= 0 or not busy:
+                continue
+            self._total += busy / seconds
+            self._values[f"{name} (%)"] = 100.0 * busy / seconds
+            self._values[f"{name} calls (Hz)"] = calls / seconds
+            if update is not None:
+                self._values[f"{name} update (us)"] = 1e6 * update
+
+    def diagnose(self) -> Diagnosis:
+        """Says how the span was."""
+        return Diagnosis(message=f"{100.0 * self._total:.3g} % of the time", values=self._values)

@@ -1,0 +1,170 @@
+"""Publishes where a base is and how it moves, as if it knew exactly."""
+
+from typing import Annotated, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, PluginError, QoS
+from mjplug_plugins.free_body import free_bodies
+from mjplug_schemas.geometry_msgs import PoseWithCovariance, TransformStamped, TwistWithCovariance
+from mjplug_schemas.nav_msgs import Odometry
+from mjplug_schemas.std_msgs import Header
+from mjplug_schemas.tf2_msgs import TFMessage
+
+Array = NDArray[np.float64]
+
+Variance = Annotated[float, Field(ge=0)]
+Diagonal = Annotated[tuple[Variance, Variance, Variance, Variance, Variance, Variance], Field(strict=False)]
+
+_WXYZ = "wxyz"
+
+
+class OdometryParameters(Parameters):
+    """Parameters of OdometryPublisher."""
+
+    body: str = Field(default="", description="Body of the base; empty is the only one with a free joint.")
+    topic: str = Field(default="/odom", description="Topic name.")
+    rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")
+    frame_id: str = Field(default="odom", description="Frame of the pose.")
+    child_frame_id: str = Field(
+        default="", description="Frame of the base, and of the twist; empty is the body's name."
+    )
+    origin: Literal["world", "start"] = Field(
+        default="world", description="Where the frame is: in the world's place, or where the base is after each reset."
+    )
+    publish_tf: bool = Field(default=False, description="Whether the pose is published on `tf_topic` too.")
+    tf_topic: str = Field(default="/tf", description="Topic of the transform.")
+    pose_covariance: Diagonal = Field(
+        default=(0.0,) * 6, description="Variances of x, y, z and of the turns about them [m², rad²]."
+    )
+    twist_covariance: Diagonal = Field(
+        default=(0.0,) * 6, description="Variances of the velocities along x, y, z and about them [(m/s)², (rad/s)²]."
+    )
+
+
+class OdometryPublisher(Plugin[OdometryParameters]):
+    """Publishes pose and velocity of a base as `nav_msgs/Odometry`, both velocities in the base's own frame.
+
+    The base is any body: with a free joint, or on slides and hinges. The numbers are those of the stamp, without error.
+    """
+
+    def init(self, host: Host, parameters: OdometryParameters) -> None:
+        """Prepares the message and starts the timer."""
+        self._host = host
+        name = parameters.body or _only_free_body(host)
+        self._base = _Base(host, host.body_id(name))
+        self._from_start = parameters.origin == "start"
+        self.on_reset()
+        child = parameters.child_frame_id or name
+        header = Header(frame_id=parameters.frame_id)
+        self._message = CdrFrame(
+            Odometry(
+                header=header,
+                child_frame_id=child,
+                pose=PoseWithCovariance(covariance=_on_diagonal(parameters.pose_covariance)),
+                twist=TwistWithCovariance(covariance=_on_diagonal(parameters.twist_covariance)),
+            )
+        )
+        self._position = self._message.view("pose.pose.position")
+        self._quat = self._message.slots(f"pose.pose.orientation.{part}" for part in _WXYZ)
+        self._linear, self._angular = (self._message.view(f"twist.twist.{part}") for part in ("linear", "angular"))
+        self._transform = CdrFrame(TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child)]))
+        self._translation = self._transform.view("transforms[0].transform.translation")
+        self._rotation = self._transform.slots(f"transforms[0].transform.rotation.{part}" for part in _WXYZ)
+        self._publisher = host.create_publisher(Odometry, parameters.topic)
+        publishers = [self._publisher]
+        self._tf = None
+        if parameters.publish_tf:
+            self._tf = host.create_publisher(TFMessage, parameters.tf_topic, QoS(depth=100))
+        host.create_timer(
+            1.0 / parameters.rate,
+            self._publish,
+            while_matched=[*publishers, self._tf] if self._tf is not None else publishers,
+        )
+
+    def on_reset(self) -> None:
+        """Takes the new pose for the origin, if it is to be the start."""
+        if self._from_start:
+            self._base.take_origin()
+
+    def _publish(self) -> None:
+        base, time_ns = self._base, self._host.time_ns
+        base.read()
+        if self._publisher.matched:
+            self._position[:], self._linear[:], self._angular[:] = base.position, base.linear, base.angular
+            self._quat.write(base.quat_wxyz)
+            self._message.set_stamp("header.stamp", time_ns)
+            self._publisher.publish_frame(self._message)
+        if self._tf is not None and self._tf.matched:
+            self._translation[:] = base.position
+            self._rotation.write(base.quat_wxyz)
+            self._transform.set_stamp("transforms[0].header.stamp", time_ns)
+            self._tf.publish_frame(self._transform)
+
+
+class _Base:
+    """A body as odometry sees it.
+
+    Attributes:
+        position: In the origin's axes [m], shape (3,).
+        quat_wxyz: Its turn in the origin's frame, shape (4,).
+        linear: Velocity of its own origin, in its own axes [m/s], shape (3,).
+        angular: Angular velocity, in its own axes [rad/s], shape (3,).
+    """
+
+    def __init__(self, host: Host, body: int) -> None:
+        data = host.data
+        self._host, self._body = host, body
+        self._xpos, self._xquat = data.xpos[body], data.xquat[body]
+        self._xmat = data.xmat[body].reshape(3, 3)
+        free = {found.body: found.dof for found in free_bodies(host.model)}
+        self._qvel = data.qvel[free[body] : free[body] + 6] if body in free else None
+        self._jacobians = np.zeros((2, 3, host.model.nv))
+        self._origin: tuple[Array, Array, Array] | None = None
+        self.position, self.quat_wxyz = np.zeros(3), np.zeros(4)
+        self.linear, self.angular = np.zeros(3), np.zeros(3)
+
+    def take_origin(self) -> None:
+        """Takes the present pose for the origin."""
+        self._host.kinematics()
+        self._origin = self._xpos.copy(), self._xmat.copy(), self._xquat * (1.0, -1.0, -1.0, -1.0)
+
+    def read(self) -> None:
+        """Brings everything up to the current state."""
+        self._host.kinematics()
+        if self._origin is None:
+            self.position, self.quat_wxyz = self._xpos, self._xquat
+        else:
+            begin, axes, inverse = self._origin
+            self.position = (self._xpos - begin) @ axes
+            mujoco.mju_mulQuat(self.quat_wxyz, inverse, self._xquat)
+        if self._qvel is not None:
+            # A free joint has its linear velocity in the world's axes, its angular velocity in the body's.
+            self.linear, self.angular = self._qvel[:3] @ self._xmat, self._qvel[3:]
+        else:
+            model, data = self._host.model, self._host.data
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_jacBody(model, data, self._jacobians[0], self._jacobians[1], self._body)
+            self.linear, self.angular = self._jacobians @ data.qvel @ self._xmat
+
+
+def _only_free_body(host: Host) -> str:
+    """Returns the name of the only body with a free joint.
+
+    Raises:
+        PluginError: There is none, there are several, or it has no name.
+    """
+    named = [body.name for body in free_bodies(host.model)]
+    if len(named) == 1 and named[0]:
+        return named[0]
+    if not named:
+        raise PluginError("the model has no body with a free joint; give body, the one to publish")
+    names = ", ".join(name or "one without a name" for name in named)
+    raise PluginError(f"give body, the one to publish; with a free joint there are: {names}")
+
+
+def _on_diagonal(variances: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(np.diag(variances).reshape(-1).tolist())

@@ -1,0 +1,3 @@
+"""Sensors of the model as ROS messages."""
+
+from mjplug_plugins.sensors.plugin import Sensors as Sensors

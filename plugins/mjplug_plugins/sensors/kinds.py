@@ -1,0 +1,88 @@
+"""The kinds of sensors, and the MJCF sensors that each is made of."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+
+KindName = Literal["imu", "fts", "pose", "magnetometer", "rangefinder", "touch", "scalar", "vector"]
+
+SENSOR_NAMES = {
+    int(value): name.removeprefix("mjSENS_").lower()
+    for name, value in mujoco.mjtSensor.__members__.items()
+    if name.startswith("mjSENS_")
+}
+"""What MJCF calls each type of sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One MJCF sensor of a sensor.
+
+    Attributes:
+        role: What the configuration calls it.
+        type: Its type in MJCF; None is any with `size` numbers.
+        size: How many numbers it has.
+        optional: Whether the others make a sensor without it.
+    """
+
+    role: str
+    type: str | None
+    size: int = 3
+    optional: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of sensor.
+
+    Attributes:
+        parts: What it is made of; the first one's place is the sensor's.
+        topic: The last part of its topic.
+        options: The parameters that only it has, besides the roles of its parts.
+    """
+
+    parts: tuple[Part, ...]
+    topic: str
+    options: frozenset[str] = frozenset()
+
+    @property
+    def composed(self) -> bool:
+        """Whether it has several parts, which are found by the endings of their names."""
+        return len(self.parts) > 1
+
+
+_COVARIANCES = ("orientation_covariance", "angular_velocity_covariance", "linear_acceleration_covariance")
+
+KINDS: Mapping[KindName, Kind] = {
+    "imu": Kind(
+        (Part("gyro", "gyro"), Part("accel", "accelerometer"), Part("quat", "framequat", 4, optional=True)),
+        "imu",
+        frozenset(_COVARIANCES),
+    ),
+    "fts": Kind((Part("force", "force"), Part("torque", "torque")), "wrench", frozenset({"convention"})),
+    "pose": Kind((Part("pos", "framepos"), Part("quat", "framequat", 4)), "pose"),
+    "magnetometer": Kind(
+        (Part("sensor", "magnetometer"),), "magnetic_field", frozenset({"magnetic_field_covariance", "field_scale"})
+    ),
+    "rangefinder": Kind(
+        (Part("sensor", "rangefinder", 1),),
+        "range",
+        frozenset({"min_range", "max_range", "field_of_view", "radiation"}),
+    ),
+    "touch": Kind((Part("sensor", "touch", 1),), "touch"),
+    "scalar": Kind((Part("sensor", None, 1),), "value"),
+    "vector": Kind((Part("sensor", None, 3),), "vector"),
+}
+
+OWN_OPTIONS = frozenset(option for kind in KINDS.values() for option in kind.options) | frozenset(
+    part.role for kind in KINDS.values() if kind.composed for part in kind.parts
+)
+"""The parameters that not every kind has."""
+
+
+def options_of(kind: KindName) -> frozenset[str]:
+    """Returns which of `OWN_OPTIONS` a kind has."""
+    roles = {part.role for part in KINDS[kind].parts} if KINDS[kind].composed else set()
+    return KINDS[kind].options | roles

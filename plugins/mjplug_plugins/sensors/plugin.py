@@ -1,0 +1,106 @@
+"""The plugin: prepares the message of each sensor, and publishes it when it is due."""
+
+import re
+from collections import defaultdict
+
+from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher
+from mjplug_plugins.sensors.choice import chosen
+from mjplug_plugins.sensors.exact import exact_values
+from mjplug_plugins.sensors.found import Sensor
+from mjplug_plugins.sensors.frames import frame_of
+from mjplug_plugins.sensors.kinds import KINDS
+from mjplug_plugins.sensors.noise import Noise
+from mjplug_plugins.sensors.parameters import SensorParameters, SensorsParameters
+from mjplug_plugins.sensors.readings import STAMPED, TYPES, fills, message_of
+from mjplug_schemas.message import Message
+
+
+class Sensors(Plugin[SensorsParameters]):
+    """Publishes IMUs, force-torque sensors, poses, magnetometers, rangefinders and other sensors of the model.
+
+    They are found by the names and types of the model's sensors, as mujoco_ros2_control names them (`<name>_gyro` and
+    `<name>_accel` are an IMU), or configured. The numbers of a message belong to the very state of its stamp, that at
+    the beginning of the last step.
+    """
+
+    def init(self, host: Host, parameters: SensorsParameters) -> None:
+        """Finds the sensors, prepares their messages and starts the timers."""
+        sensors = chosen(host, parameters)
+        if not sensors:
+            host.logger.warning("no sensor is found by its name and type, and none is configured: nothing is published")
+        seed = int(host.random.integers(2**63))
+        rates: dict[float, list[_Reading]] = defaultdict(list)
+        topics: dict[str, str] = {}
+        for sensor, settings in sensors:
+            reading = _Reading(host, sensor, _complete(settings, parameters), parameters.world_frame, seed)
+            if reading.topic in topics:
+                raise PluginError(
+                    f"sensors {topics[reading.topic]!r} and {sensor.name!r} both have the topic {reading.topic}; give "
+                    "one of them another topic"
+                )
+            topics[reading.topic] = sensor.name
+            rates[settings.rate or parameters.rate].append(reading)
+        for rate, readings in rates.items():
+            _start(host, rate, readings)
+
+
+class _Reading:
+    """One sensor at work.
+
+    Attributes:
+        topic: Its topic's full name.
+        publisher: Where its messages go.
+    """
+
+    def __init__(self, host: Host, sensor: Sensor, settings: SensorParameters, world: str, seed: int) -> None:
+        self._host = host
+        topic = settings.topic or f"{_as_name(sensor.name)}/{KINDS[sensor.kind].topic}"
+        self.topic = host.full_name(topic)
+        self.publisher: Publisher[Message] = host.create_publisher(TYPES[sensor.kind], topic)
+        exact = exact_values(host.model, host.data, sensor)
+        noisy = bool(settings.noise) and any(source.noise for source in sensor.parts.values())
+        self._noise = Noise(sensor, exact, seed) if noisy else None
+        cutoff = float(host.model.sensor_cutoff[sensor.main.sensor])
+        frame = frame_of(host.model, sensor, world) if settings.frame_id is None else settings.frame_id
+        self._message = CdrFrame(message_of(sensor, settings, frame, cutoff, noisy))
+        self._fills = fills(sensor, settings, self._noise.values if self._noise else exact, self._message, cutoff)
+        self._stamped = sensor.kind in STAMPED
+
+    def publish(self) -> None:
+        """Sends the values that MuJoCo has."""
+        time_ns = self._host.sensor_time_ns
+        if self._noise is not None:
+            self._noise.draw(time_ns, self._host.epoch)
+        for fill in self._fills:
+            fill()
+        if self._stamped:
+            self._message.set_stamp("header.stamp", time_ns)
+        self.publisher.publish_frame(self._message)
+
+
+def _start(host: Host, rate: float, readings: list[_Reading]) -> None:
+    """Publishes some readings at a rate [Hz]."""
+
+    def publish() -> None:
+        for reading in readings:
+            if reading.publisher.matched:
+                reading.publish()
+
+    host.create_timer(1.0 / rate, publish, while_matched=[reading.publisher for reading in readings])
+
+
+def _complete(settings: SensorParameters, parameters: SensorsParameters) -> SensorParameters:
+    """Returns a sensor's settings with those of the plugin where it has none."""
+    return settings.model_copy(
+        update={
+            "noise": parameters.noise if settings.noise is None else settings.noise,
+            "convention": settings.convention or parameters.fts_convention,
+            "field_scale": parameters.field_scale if settings.field_scale is None else settings.field_scale,
+        }
+    )
+
+
+def _as_name(name: str) -> str:
+    """Returns a name of the model as a part of a topic's name may be: letters, digits and `_`, no digit first."""
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return f"_{plain}" if plain[0].isdigit() else plain

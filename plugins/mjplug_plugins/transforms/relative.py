@@ -1,0 +1,75 @@
+"""Where frames are in their parents, all of them at once."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug_plugins.transforms.frame import OPTICAL, compose
+from mjplug_plugins.transforms.tree import Link
+
+Array = NDArray[np.float64]
+
+_INVERSE_PRODUCT = np.array(((0, 1, 2, 3), (1, 0, 3, 2), (2, 3, 0, 1), (3, 2, 1, 0)))
+_INVERSE_SIGNS = np.array(((1, 1, 1, 1), (-1, 1, 1, -1), (-1, -1, 1, 1), (-1, 1, -1, 1)), np.float64)
+"""The matrix that multiplies by the inverse of a unit quaternion (w, x, y, z) from the left: which of its numbers, and
+with which sign."""
+
+
+class Relative:
+    """The poses of linked frames in their parents.
+
+    Attributes:
+        poses: Position [m], then quaternion (w, x, y, z), of each link; shape (n, 7).
+
+    Args:
+        model: The compiled model.
+        data: The state.
+        links: The links.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, links: Sequence[Link]) -> None:
+        self._model, self._data = model, data
+        self._cameras = [(i, link.frame.camera) for i, link in enumerate(links) if link.frame.camera is not None]
+        self._children = np.array([link.frame.body for link in links], np.intp)
+        self._parents = np.array([link.parent for link in links], np.intp)
+        self._pos = np.array([link.frame.pos for link in links]).reshape(-1, 3)
+        self._quat = np.array([link.frame.quat_wxyz for link in links]).reshape(-1, 4, 1)
+        self._matrices = data.xmat.reshape(-1, 3, 3)
+        self._shifted = bool(self._pos.any())
+        self._turned = bool((self._quat[:, 1:] != 0.0).any())
+        self.poses = np.empty((len(links), 7))
+
+    def read(self) -> None:
+        """Brings `poses` up to the bodies' poses, which must be the current ones."""
+        data, children, parents = self._data, self._children, self._parents
+        shift = data.xpos.take(children, 0)
+        if self._shifted:
+            shift += (self._matrices.take(children, 0) @ self._pos[:, :, None])[:, :, 0]
+        shift -= data.xpos.take(parents, 0)
+        # A row vector times a matrix is its transpose times the vector.
+        np.matmul(shift[:, None, :], self._matrices.take(parents, 0), self.poses[:, None, :3])
+        turns = _from_left(data.xquat.take(parents, 0)) @ data.xquat.take(children, 0)[:, :, None]
+        self.poses[:, 3:] = turns[:, :, 0]
+        if self._turned:
+            for turn, local, pose in zip(turns, self._quat, self.poses, strict=True):
+                pose[3:] = compose(turn[:, 0], local[:, 0])
+        if self._cameras:
+            self._read_cameras()
+
+    def _read_cameras(self) -> None:
+        """Reads the cameras that follow something; their frames are in the world."""
+        model, data = self._model, self._data
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        quat = np.empty(4)
+        for i, camera in self._cameras:
+            mujoco.mju_mat2Quat(quat, data.cam_xmat[camera])
+            self.poses[i, :3] = data.cam_xpos[camera]
+            self.poses[i, 3:] = compose(quat, OPTICAL)
+
+
+def _from_left(quat_wxyz: Array) -> Array:
+    """Returns, for each of n unit quaternions, the matrix that multiplies by its inverse from the left."""
+    return quat_wxyz[:, _INVERSE_PRODUCT] * _INVERSE_SIGNS

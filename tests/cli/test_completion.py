@@ -1,0 +1,116 @@
+"""What the TAB key completes."""
+
+import inspect
+import resource
+import subprocess
+import sys
+
+import pytest
+from cli.process import COMMAND, environment
+
+from mjplug.cli import names, quick_completion
+from mjplug.cli.service import app as service_app
+from mjplug.cli.topic import app as topic_app
+
+
+def complete(*words, **variables):
+    """Presses TAB after the last word, as bash does; returns the answers."""
+    asking = {"COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1), "_MJPLUG_COMPLETE": "complete_bash"}
+    done = subprocess.run(
+        COMMAND, env=environment({**asking, **variables}), capture_output=True, text=True, timeout=20.0, check=False
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+def test_tab_completes_commands_flags_and_names_that_are_installed():
+    assert complete("mjplug", "to") == ["top", "topic"]
+    assert complete("mjplug", "topic", "hz", "--win") == ["--window"]
+    assert complete("mjplug", "interface", "show", "std_srvs/srv/T") == ["std_srvs/srv/Trigger"]
+    assert complete("mjplug", "plugin", "info", "hea") == ["heartbeat"]
+
+
+def test_tab_completes_live_names_in_less_than_a_quarter_of_a_second(tour):
+    spent = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT=tour.endpoint) == ["/clock"]
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    # Time of the process itself: others may have the processor meanwhile.
+    assert min(spent) < 0.25
+    assert complete("mjplug", "service", "call", "/mjplug/set_pa", "-e", tour.endpoint) == []
+    found = complete("mjplug", "service", "call", "-e", tour.endpoint, "/mjplug/set_pa")
+    assert found == ["/mjplug/set_parameters", "/mjplug/set_parameters_atomically", "/mjplug/set_pause"]
+
+
+def test_tab_is_silent_where_no_server_is():
+    assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT="tcp/127.0.0.1:1") == []
+    assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT="nonsense") == []
+
+
+def test_tab_imports_nothing_that_takes_time(tour):
+    asking = {"COMP_WORDS": "mjplug topic echo /cl", "COMP_CWORD": "3", "_MJPLUG_COMPLETE": "complete_bash"}
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "mjplug"],
+        env=environment({**asking, "MJPLUG_CONNECT": tour.endpoint}),
+        capture_output=True, text=True, timeout=20.0, check=False,
+    )  # fmt: skip
+    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "zenoh" in imported
+    assert not imported & {"mujoco", "numpy", "yaml", "typer", "pydantic", "mjplug_schemas.message", "mjplug.client"}
+
+
+@pytest.mark.parametrize(
+    ("group", "app", "completer"),
+    [("topic", topic_app, names.complete_topic), ("service", service_app, names.complete_service)],
+)
+def test_what_is_answered_quickly_are_all_commands_that_take_such_a_name(group, app, completer):
+    taking = set()
+    for command in app.registered_commands:
+        first = next(iter(inspect.signature(command.callback).parameters.values()))
+        extras = getattr(first.annotation, "__metadata__", ())
+        if any(getattr(extra, "autocompletion", None) is completer for extra in extras):
+            taking.add(command.name or command.callback.__name__)
+    assert quick_completion.COMMANDS[group][1] == taking
+
+
+QUESTIONS = ("topic echo /cl", "topic hz ", "service call /mjplug/set_p", "topic info /nope", "topic echo --on", "topic ec")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "fish is-args"])
+def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatch, capsys):
+    monkeypatch.setenv("MJPLUG_CONNECT", tour.endpoint)
+    name, _, action = shell.partition(" ")
+    for line in QUESTIONS:
+        words = f"mjplug {line}".split(" ")
+        asking = {
+            "_MJPLUG_COMPLETE": f"complete_{name}", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1),
+            "_TYPER_COMPLETE_ARGS": " ".join(words), "_TYPER_COMPLETE_FISH_ACTION": action or "get-args",
+        }  # fmt: skip
+        for variable, value in asking.items():
+            monkeypatch.setenv(variable, value)
+        code = 0
+        try:
+            if not quick_completion.answer():
+                continue
+        except SystemExit as end:
+            code = end.code
+        quick = capsys.readouterr().out
+        typed = subprocess.run(
+            [sys.executable, "-c", "from mjplug.cli.app import main; main()"],
+            env=environment({**asking, "MJPLUG_CONNECT": tour.endpoint}),
+            capture_output=True, text=True, timeout=20.0, check=False,
+        )  # fmt: skip
+        assert (quick.strip(), code) == (typed.stdout.strip(), typed.returncode), line
+        assert ("/clock" in quick) == (line in QUESTIONS[:2] and not action), line
+
+
+def test_what_cannot_be_answered_quickly_is_left_to_typer(monkeypatch):
+    monkeypatch.setenv("_MJPLUG_COMPLETE", "complete_bash")
+    for words in ("mjplug topic echo '/cl", "mjplug topic echo --on", "mjplug topic list /c", "mjplug sim speed 1"):
+        monkeypatch.setenv("COMP_WORDS", words)
+        monkeypatch.setenv("COMP_CWORD", "3")
+        assert not quick_completion.answer()
+    monkeypatch.setenv("_MJPLUG_COMPLETE", "source_bash")
+    assert not quick_completion.answer()
