@@ -5,54 +5,39 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ParamSpec, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.core.loop import Loop
-from mjplug.core.model_location import locate
 from mjplug.core.scheduler import Slow, Timer
-from mjplug.core.steppers import Stepper
 from mjplug.core.velocity import VelocityHold
 from mjplug.diagnosis import Diagnosis, Diagnostics, Level
 from mjplug.errors import PluginError
 from mjplug.log import INSTANCES
+from mjplug.plugin.guard import Guard, Stepping
 from mjplug.plugin.stopwatch import Stopwatch
+from mjplug.plugin.world_view import WorldView
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug.work import NO_RENDERER, Job, Order, Work, Worker, Workers
-from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
-P = ParamSpec("P")
 
 Resolve = Callable[[str], str]
 """Turns a name as a plugin writes it into the full ROS name."""
 
 
-class Stepping(Protocol):
-    """The part of a plugin that the loop calls."""
-
-    def update(self) -> None:
-        """Runs before every step while active."""
-
-    def on_reset(self) -> None:
-        """Runs after every reset."""
-
-
-class Host:
-    """One plugin instance's view of the server.
+class Host(WorldView):
+    """One plugin instance's view of the server, beside that of the world.
 
     Attributes:
         name: The instance's name.
         logger: Logs under `mjplug.instance.<name>`.
-        model: The compiled model. Fixed for the life of the plugin.
-        data: The live state. What `init` caches of its arrays stays valid.
         random: Random numbers of this instance, seeded by `sim.seed` and its name.
-        model_file: The model's file; None if it comes from none.
 
     Args:
         name: The instance's name.
@@ -83,48 +68,18 @@ class Host:
         folders: Sequence[Path] = (),
         stopwatch: Stopwatch | None = None,
     ) -> None:
+        super().__init__(loop.simulation, model_file, folders)
         self.name = name
         self.logger = logging.getLogger(f"{INSTANCES}.{name}")
-        self.model: mujoco.MjModel = loop.simulation.model
-        self.data: mujoco.MjData = loop.simulation.data
         self.random = np.random.default_rng([seed, *name.encode()])
-        self.model_file = model_file
-        self._folders = tuple(folders)
         self._stopwatch = stopwatch or Stopwatch()
         self._loop = loop
-        self._simulation = loop.simulation
         self._transport = transport
         self._resolve = resolve
         self._workers = workers
         self._diagnostics = diagnostics
-        self._disable_on_error = disable_on_error
-        self._disabled = ""
-        self._stepper: Stepper | None = None
+        self._guard = Guard(name, self.logger, loop, self._stopwatch, disable_on_error)
         self._sleepers: dict[Publisher[Any], list[Timer]] = {}
-        self._holds: list[VelocityHold] = []
-
-    @property
-    def step(self) -> int:
-        """Steps taken since the server started."""
-        return self._simulation.step
-
-    @property
-    def epoch(self) -> int:
-        """Resets of the world since the server started."""
-        return self._simulation.epoch
-
-    @property
-    def time_ns(self) -> int:
-        """Simulated time [ns]."""
-        return self._simulation.time_ns
-
-    @property
-    def sensor_time_ns(self) -> int:
-        """Simulated time of the state that `data.sensordata` belongs to [ns].
-
-        A step computes the sensors first and integrates last, so after it they are one step older than `qpos`.
-        """
-        return self._simulation.time.ns(self._simulation.sensor_step)
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -133,42 +88,6 @@ class Host:
         NaN leaves it to physics; all entries are NaN before the first plugin's update of each step.
         """
         return self._loop.steppers.velocity_override
-
-    def now(self) -> Time:
-        """Returns the simulated time as a message, for stamps."""
-        return Time.from_ns(self.time_ns)
-
-    def steps_covering(self, duration_ns: int) -> int:
-        """Returns the smallest number of steps that together last at least `duration_ns` [ns]."""
-        return self._simulation.time.steps_covering(duration_ns)
-
-    def time_of(self, step: int) -> float:
-        """Returns the simulated time of a step boundary [s]."""
-        return self._simulation.time.seconds(step)
-
-    def body_id(self, name: str) -> int:
-        """Returns a body's id.
-
-        Raises:
-            UnknownName: The model has no such body; the sentence lists those it has.
-        """
-        return self._simulation.body_id(name)
-
-    def find_file(self, name: str) -> Path:
-        """Returns the file that a parameter names: relative to the configuration file, absolute, or package://pkg/path.
-
-        Raises:
-            ModelError: There is none; the sentence says where it was looked for.
-        """
-        return locate(name, self._folders)
-
-    def kinematics(self) -> None:
-        """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; a step leaves them older."""
-        self._simulation.kinematics()
-
-    def forward(self) -> None:
-        """Makes everything derived, sensors too, that of the current state; costs about a step."""
-        self._simulation.forward()
 
     def full_name(self, name: str) -> str:
         """Returns the full ROS name of a topic or service as this plugin writes it, after remapping.
@@ -183,13 +102,11 @@ class Host:
 
     def activate(self) -> None:
         """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
-        if self._stepper is not None and not self._disabled:
-            self._loop.steppers.activate(self._stepper)
+        self._guard.activate()
 
     def deactivate(self) -> None:
         """Ends the calls of `update`."""
-        if self._stepper is not None:
-            self._loop.steppers.deactivate(self._stepper)
+        self._guard.deactivate()
 
     def create_publisher(
         self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
@@ -211,7 +128,7 @@ class Host:
             for timer in sleepers:
                 self._loop.scheduler.wake(timer, self.step)
             if on_matched is not None:
-                self._guarded(on_matched)()
+                self._guard.guarded(on_matched)()
 
         topic = Topic(self.full_name(name), type, qos)
         publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(appeared))
@@ -236,7 +153,7 @@ class Host:
 
         def take(number: int, message: M) -> None:
             # Each message keeps its place among the requests; one that newer ones have overtaken is dropped.
-            if newest[0] - number < qos.depth and not self._disabled:
+            if newest[0] - number < qos.depth and not self._guard.disabled:
                 began = perf_counter()
                 try:
                     callback(message)
@@ -259,11 +176,11 @@ class Host:
         """
 
         def serve(call: Call) -> None:
-            if self._disabled:
-                call.refuse(self._disabled)
+            if self._guard.disabled:
+                call.refuse(self._guard.disabled)
             else:
                 began = perf_counter()
-                self._loop.serve(call, handler, owner=self)
+                self._loop.serve(call, handler, owner=self._guard)
                 self._stopwatch.add(began)
 
         self._transport.open_service(
@@ -292,13 +209,13 @@ class Host:
         loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
         if while_matched is None:
-            return loop.scheduler.every(steps, self._guarded(callback), simulation.step)
+            return loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step)
         publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
         if any(publisher not in self._sleepers for publisher in publishers):
             raise PluginError("while_matched is no publisher of this plugin")
         timer = loop.scheduler.every(
             steps,
-            self._guarded(callback),
+            self._guard.guarded(callback),
             simulation.step,
             wanted=lambda: any(publisher.matched for publisher in publishers),
         )
@@ -322,7 +239,7 @@ class Host:
             self.logger.warning(
                 "plugin %s holds the same velocities as %s: only one of them has its way", self.name, ", ".join(others)
             )
-        self._holds.append(hold)
+        self._guard.holds.append(hold)
         return hold
 
     def claim_controls(self, actuators: Sequence[int]) -> None:
@@ -370,9 +287,9 @@ class Host:
             tuple(publishers),
             environments,
             sync,
-            self._guarded(on_ready or _nothing),
-            self._guarded(on_done or _nothing),
-            self._guarded(on_lost or _nothing),
+            self._guard.guarded(on_ready or _nothing),
+            self._guard.guarded(on_done or _nothing),
+            self._guard.guarded(on_lost or _nothing),
         )
         return self._workers.start(order, self._simulation, self._loop.inbox)
 
@@ -385,51 +302,13 @@ class Host:
         """
 
         def ask() -> Diagnosis:
-            return Diagnosis(Level.ERROR, self._disabled) if self._disabled else task()
+            return Diagnosis(Level.ERROR, self._guard.disabled) if self._guard.disabled else task()
 
         self._diagnostics.add(f"{self.name}: {name}" if name else self.name, ask)
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
-        stepper = self._stepper = _PluginStepper(plugin.update, self._guarded(plugin.on_reset), self._fail)
-        self._stopwatch.watch(stepper)
-        self._loop.steppers.add(stepper)
-
-    def _guarded(self, callback: Callable[P, None]) -> Callable[P, None]:
-        """Wraps the plugin's own work, so that its failure is loud and follows the `on_plugin_error` policy."""
-
-        def call(*args: P.args, **kwargs: P.kwargs) -> None:
-            if self._disabled:
-                return
-            began = perf_counter()
-            try:
-                callback(*args, **kwargs)
-            except Exception as error:
-                self._fail(error)
-            self._stopwatch.add(began)
-
-        return call
-
-    def _fail(self, error: Exception) -> None:
-        self.logger.error("plugin %s failed", self.name, exc_info=error)
-        self._disabled = f"plugin {self.name} was switched off after an error: {error!r}"
-        self.deactivate()
-        for hold in self._holds:
-            hold.release()
-        self._loop.scheduler.close_jobs(self._disabled, owner=self)
-        if not self._disable_on_error:
-            self._loop.fail(PluginError(f"plugin {self.name} failed: {error!r} (on_plugin_error: stop)"))
-
-
-class _PluginStepper:
-    """A plugin as the loop sees it; `update` is the plugin's own method, since it is called at every step."""
-
-    def __init__(
-        self, update: Callable[[], None], on_reset: Callable[[], None], failed: Callable[[Exception], None]
-    ) -> None:
-        self.update = update
-        self.on_reset = on_reset
-        self.failed = failed
+        self._guard.attach(plugin)
 
 
 def _nothing(*_: Any) -> None:

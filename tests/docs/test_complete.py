@@ -24,6 +24,7 @@ from mjplug.core.simulation import Simulation
 from mjplug.offline import OfflineWorkers
 from mjplug.plugin import Host, Plugin, registry
 from mjplug.plugin.selection import Selected
+from mjplug.plugin.world_view import WorldView
 from mjplug.server import Server
 from mjplug.wire.calls import MAX_OPEN_CALLS
 from mjplug.wire.encoding import MAX_PAYLOAD
@@ -237,7 +238,11 @@ def test_every_method_of_the_host_is_described_with_its_arguments():
         assert name == "attach" or documented == expected
     properties = {name for name, member in inspect.getmembers(Host) if isinstance(member, property)}
     assert properties <= set(table)
-    instance = re.findall(r"^        self\.([a-z]\w*)\b", inspect.getsource(Host.__init__), re.MULTILINE)
+    instance = re.findall(
+        r"^        self\.([a-z]\w*)\b",
+        inspect.getsource(WorldView.__init__) + inspect.getsource(Host.__init__),
+        re.MULTILINE,
+    )
     assert {*instance} <= set(table)
     assert set(table) <= {*instance, *properties, *(expected for _, expected, _ in signatures(Host, table))}
 

@@ -24,7 +24,12 @@ class WallClock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = WallClock()
-    for module in ("mjplug.services.diagnostics", "mjplug.plugin.host", "mjplug.plugin.stopwatch"):
+    for module in (
+        "mjplug.services.diagnostics",
+        "mjplug.plugin.host",
+        "mjplug.plugin.guard",
+        "mjplug.plugin.stopwatch",
+    ):
         monkeypatch.setattr(f"{module}.perf_counter", clock)
     return clock
 

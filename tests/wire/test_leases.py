@@ -129,3 +129,37 @@ def test_nobody_can_join_where_nobody_is(opened):
     network.close()
     with pytest.raises(WireError, match="cannot connect to tcp"):
         opened(join(SETTINGS, endpoints))
+
+
+ACCESS_CONTROL = """{
+  transport: {auth: {usrpwd: {user: "operator", password: "run", dictionary_file: "USERS"}}},
+  access_control: {
+    enabled: true,
+    default_permission: "deny",
+    rules: [
+      {id: "to tell", permission: "allow", messages: ["put", "declare_subscriber"], key_exprs: ["**"]},
+    ],
+    subjects: [{id: "operators", usernames: ["operator"]}, {id: "guests", usernames: ["guest"]}],
+    policies: [{rules: ["to tell"], subjects: ["operators", "guests"]}],
+  },
+}"""
+
+
+def test_the_rules_of_the_servers_file_do_not_silence_a_tenant_that_they_allow_to_tell(opened, tmp_path):
+    file = tmp_path / "server.json5"
+    users = tmp_path / "users.txt"
+    users.write_text("operator:run\nguest:look\n")
+    file.write_text(ACCESS_CONTROL.replace("USERS", str(users)))
+    settings = SessionSettings(listen=ANY_PORT, config=file)
+    network = opened(open_network(settings, "/mjplug"))
+    matched = threading.Event()
+    _, publisher = handed_over(network, opened(join(settings, network.session.endpoints)), DEFAULT, matched.set)
+    samples = queue.SimpleQueue()
+    guest = client_config(network.session.endpoint)
+    guest.insert_json5("transport/auth/usrpwd", '{user: "guest", password: "look"}')
+    with zenoh.open(guest) as session:
+        subscriber = session.declare_subscriber("told", Callback(samples.put, indirect=False))
+        assert matched.wait(PATIENCE)
+        publisher.publish(String(data="hello"))
+        assert String.from_cdr(bytes(samples.get(timeout=PATIENCE).payload)).data == "hello"
+        subscriber.undeclare()
