@@ -7,7 +7,7 @@ from rclpy.clock import Clock, ClockType
 
 from mjplug_bridge_ros2.errors import TypeRefused
 from mjplug_bridge_ros2.handover import Handover
-from mjplug_bridge_ros2.listing import Entry, ServiceEntry
+from mjplug_bridge_ros2.listing import Entry, ServiceEntry, TopicEntry
 from mjplug_bridge_ros2.ros_types import find_type
 from mjplug_bridge_ros2.servers import Server, Watch
 from mjplug_bridge_ros2.services import ServiceRelay
@@ -60,8 +60,9 @@ class Bridge:
         """Takes everything back."""
         self._watch.close()
         self._node.destroy_timer(self._timer)
-        for name in tuple(self._mappings):
-            self._unmap(name, "the bridge is stopping")
+        mappings, self._mappings = self._mappings, {}
+        for mapping in mappings.values():
+            self._end(mapping, "the bridge is stopping")
 
     def _appeared(self, name: str, zenoh_id: str) -> None:
         if self._settings.server not in ("", name):
@@ -81,7 +82,9 @@ class Bridge:
             self._logger.info(f"{name} is gone, waiting for it to come back")
 
     def _unmap(self, name: str, reason: str) -> None:
-        mapping = self._mappings.pop(name)
+        self._end(self._mappings.pop(name), reason)
+
+    def _end(self, mapping: Mapping, reason: str) -> None:
         mapping.server.close()
         self._remove(mapping, set(mapping.relays), reason)
 
@@ -102,7 +105,7 @@ class Bridge:
         name = self._settings.naming.ros_name(entry.name)
         if name is None:
             return None
-        owned = ("service" if isinstance(entry, ServiceEntry) else "topic", name)
+        owned = (_kind(entry), name)
         try:
             if owned in self._owners:
                 raise TypeRefused(_clash(name, entry, self._owners[owned]))
@@ -125,11 +128,22 @@ class Bridge:
         return direction(self._node, self._session, entry, name, ros_type)
 
     def _remove(self, mapping: Mapping, entries: set[Entry], reason: str) -> None:
+        freed: set[tuple[str, str]] = set()
         for entry in entries:
             relay = mapping.relays.pop(entry)
             if relay is not None:
                 relay.close(reason)
-                self._owners = {name: owner for name, owner in self._owners.items() if owner != entry}
+                freed |= {name for name, owner in self._owners.items() if owner == entry}
+        for name in freed:
+            del self._owners[name]
+        self._map_to(freed)
+
+    def _map_to(self, names: set[tuple[str, str]]) -> None:
+        """Maps what other servers, or the same one, have for names that were taken."""
+        for mapping in self._mappings.values():
+            for entry, relay in mapping.relays.items():
+                if relay is None and (_kind(entry), self._settings.naming.ros_name(entry.name)) in names:
+                    mapping.relays[entry] = self._map(entry)
 
     def _tell(self, what: str, why: str) -> None:
         """Logs a refusal; the reason, which may go for a whole package, only once."""
@@ -144,7 +158,13 @@ class Bridge:
                     relay.poll()
 
 
+def _kind(entry: Entry) -> str:
+    return "service" if isinstance(entry, ServiceEntry) else "topic"
+
+
 def _clash(name: str, entry: Entry, owner: Entry) -> str:
-    if isinstance(entry, ServiceEntry) or entry.name != owner.name:
+    if entry.name != owner.name:
         return f"{owner.name} has the name {name} here already; `remap` one of them"
+    if isinstance(entry, ServiceEntry) or (isinstance(owner, TopicEntry) and entry.published == owner.published):
+        return "that of another server has the name, and keeps it for as long as it is there"
     return "it is mapped already, and what is published there would come back to where it is from"

@@ -84,6 +84,30 @@ def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ro
     assert answers == []
 
 
+def test_when_a_server_goes_another_one_gets_the_names_that_it_had(ros, bridge, sim):
+    sim.responses["/go"] = Trigger.Response(success=True, message="of the first")
+    sim.open_service("/go")
+    own = bridge(sim.endpoint)
+    own.wait_for("/sim: 0 topics and 1 services are mapped")
+    go = {"name": "/go", "key": "late/go", "type": "std_srvs/srv/Trigger", "hash": type_hash(Trigger)}
+    listing = json.dumps({"topics": [], "services": [go]}).encode()
+    response = Trigger.Response(success=True, message="of the second").to_cdr()
+    with Client(sim.endpoint) as late:
+        queryables = [
+            late.session.declare_queryable("late/interfaces", lambda query: reply(query, listing)),
+            late.session.declare_queryable("late/go", lambda query: reply(query, response)),
+        ]
+        token = late.session.liveliness().declare_token("@mjplug/late/1")
+        own.wait_for("/own/go .* is not mapped: that of another server has the name")
+        assert ros.call("/own/go", "std_srvs/srv/Trigger").message == "of the first"
+        sim.disappear()
+        own.wait_for("/sim is gone")
+        assert ros.call("/own/go", "std_srvs/srv/Trigger").message == "of the second"
+        token.undeclare()
+        for queryable in queryables:
+            queryable.undeclare()
+
+
 def test_the_end_of_an_earlier_start_is_not_taken_for_that_of_the_server(bridge, sim):
     own = bridge(sim.endpoint)
     with Client(sim.endpoint) as late:

@@ -159,7 +159,9 @@ def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_erro
     why = "WORKS_IN=nowhere: WORKS_IN is nowhere; MUJOCO_GL=disable: WORKS_IN is None"
     assert told.lost == [({"a"}, why)]
     assert (told.health.state, told.health.reason) == ("unavailable", why)
-    assert told_errors(logging.WARNING) == [f"this cannot be done on this machine: {why}; the server runs on without it"]
+    assert told_errors(logging.WARNING) == [
+        f"this cannot be done on this machine: {why}; the server runs on without it"
+    ]
     told.submit(["b"])
     told.wait(lambda: len(told.lost) == 2)
     assert told.lost[1] == ({"b"}, why)
