@@ -5,7 +5,7 @@ RUN := .venv/bin
 READY := .venv/.ready
 export UV_PYTHON_DOWNLOADS := never
 
-.PHONY: help setup demo serve test test-slow check format bench docs clean
+.PHONY: help setup demo serve test test-slow check format bench docs docs-test clean
 
 help:          ## Shows this list.
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ —/'
@@ -23,7 +23,7 @@ $(READY): pyproject.toml uv.lock $(filter .uv/bin/uv,$(UV))
 	@touch $@
 
 demo: $(READY) ## Serves a model, pushes it from a second process, shows what happened.
-	@$(RUN)/python examples/00_push_a_box/run.py
+	@$(RUN)/python examples/run.py 00_push_a_box
 
 serve: $(READY) ## Serves the first example until Ctrl-C.
 	@$(RUN)/mjplug serve examples/00_push_a_box/config.yaml
@@ -52,8 +52,12 @@ format: $(READY) ## Formats the code.
 bench: $(READY) ## Measures, side by side in one run, and writes docs/benchmarks.md.
 	@$(RUN)/python -m benchmarks
 
-docs: $(READY) ## Runs every code block of README and docs.
+docs: $(READY) ## Builds the documentation as a site, into build/site; a broken link is an error.
+	@$(RUN)/python docs/site/build.py
+	@echo "to read it: $(RUN)/python -m http.server -d build/site -b 127.0.0.1 8000"
+
+docs-test: $(READY) ## Runs every code block of README and docs.
 	@$(RUN)/python -m pytest tests/docs
 
 clean: ## Removes what the other targets made.
-	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build

@@ -31,10 +31,11 @@ def main() -> int:
     """Listens, pushes, and prints how the box moved; returns 0 if the server said that all went well."""
     with zenoh.open(config) as session:
         beaten, seen = threading.Event(), threading.Event()
+        heartbeats: list[str] = []
         latest: dict[str, dict[str, float]] = {}
 
         def on_heartbeat(sample: zenoh.Sample) -> None:
-            print("heartbeat:", json.loads(sample.payload.to_bytes())["data"], flush=True)
+            heartbeats.append(json.loads(sample.payload.to_bytes())["data"])
             beaten.set()
 
         def on_pose(sample: zenoh.Sample) -> None:
@@ -47,6 +48,7 @@ def main() -> int:
             print("nothing is published: is the server paused?", file=sys.stderr)
             return 1
 
+        print("heartbeat:", heartbeats[0])
         start = latest["position"]
         print("pushing the box with 10 N along x for 2 s ...", flush=True)
         replies = session.get(

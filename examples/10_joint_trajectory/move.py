@@ -1,0 +1,22 @@
+"""Sends the arm along a trajectory of three points, and looks how it follows.
+
+Usage: python move.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+"""
+
+from mjplug.client import connect
+
+points = [
+    {"positions": [0.5, -0.6], "velocities": [0.0, 0.0], "time_from_start": {"nanosec": 600_000_000}},
+    {"positions": [0.2, 0.8], "velocities": [0.0, 0.0], "time_from_start": {"sec": 1, "nanosec": 200_000_000}},
+    {"positions": [0.0, 0.0], "velocities": [0.0, 0.0], "time_from_start": {"sec": 1, "nanosec": 800_000_000}},
+]
+
+with connect() as client:
+    states = client.subscribe("/joint_states", depth=1000)
+    client.publish("/arm/joint_trajectory", {"joint_names": ["joint1", "joint2"], "points": points})
+    # Two seconds, 100 states each.
+    seen = [states.next(timeout=5.0) for _ in range(200)]
+
+for joint in ("joint1", "joint2"):
+    angles = [state.position[state.name.index(joint)] for state in seen]
+    print(f"{joint} went from {min(angles):+.3f} to {max(angles):+.3f} rad, and is at {angles[-1]:+.3f}")

@@ -1,0 +1,73 @@
+"""Runs an example: starts its servers, waits until they are ready, runs its script, and stops the servers.
+
+Usage: python examples/run.py NAME      (a folder of this one, such as 00_push_a_box)
+
+Each configuration file of the folder is a server; those after the first connect to the first. The script is the one
+that says how it is used, and finds the server by the environment variable MJPLUG_CONNECT, or by its first argument.
+A folder with a `run.py` of its own knows better.
+"""
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parent
+
+
+def main() -> int:
+    """Returns the exit code of whichever part failed, or 0."""
+    known = sorted(config.parent.name for config in EXAMPLES.glob("*/config.yaml"))
+    if len(sys.argv) != 2 or sys.argv[1].rstrip("/") not in known:
+        print(f"usage: python examples/run.py NAME, one of: {', '.join(known)}", file=sys.stderr)
+        return 2
+    folder = EXAMPLES / sys.argv[1].rstrip("/")
+    if (folder / "run.py").exists():
+        return subprocess.run([sys.executable, folder / "run.py"], check=False).returncode
+    with contextlib.ExitStack() as servers:
+        endpoint = ""
+        for config in sorted(folder.glob("*.yaml")):
+            joined = servers.enter_context(serving(config, endpoint))
+            endpoint = endpoint or joined
+        (script,) = (path for path in folder.glob("*.py") if "\nUsage: python " in path.read_text(encoding="utf-8"))
+        print(f"$ MJPLUG_CONNECT={endpoint} python examples/{folder.name}/{script.name}", flush=True)
+        environment = os.environ | {"MJPLUG_CONNECT": endpoint}
+        return subprocess.run([sys.executable, script, endpoint], env=environment, check=False).returncode
+
+
+@contextlib.contextmanager
+def serving(config: Path, router: str) -> Iterator[str]:
+    """Serves a configuration file until the block ends; the value is the endpoint.
+
+    Args:
+        config: The file.
+        router: Endpoint of another server to connect to; empty is none.
+    """
+    shown = ["mjplug", "serve", f"examples/{config.parent.name}/{config.name}", *(["--connect", router] * bool(router))]
+    print("$", *shown, flush=True)
+    command = [sys.executable, "-m", "mjplug", "serve", str(config), *shown[3:]]
+    # A free port, so that an example works beside another server.
+    server = subprocess.Popen([*command, "--listen", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+    assert server.stdout is not None
+    try:
+        for line in server.stdout:
+            print(line, end="", flush=True)
+            if found := re.search(r"^ready · (\S+)", line):
+                yield found[1]
+                break
+        else:
+            sys.exit(server.wait())
+    finally:
+        server.send_signal(signal.SIGINT)
+        stopped = server.wait(10)
+        server.stdout.close()
+    if stopped:
+        sys.exit(stopped)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
