@@ -9,15 +9,15 @@ from mjplug.cli.connected import connected
 from mjplug.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
-    from mjplug.client import Client
+    from mjplug.client import Client, ServerInfo
 
 app = typer.Typer(name="sim", help="Pauses, steps, resets and times the simulation.", no_args_is_help=True)
 
 _MEASURE = 0.5
 """Wall time over which the real speed is measured [s]."""
 
-_CLOCK = 5.0
-"""How long to wait for the time, which comes once a second even when it stands still [s]."""
+_PATIENCE = 5.0
+"""How long to wait for what a server tells of itself [s]."""
 
 
 @app.command()
@@ -32,7 +32,7 @@ def state(
     server = client.server
     parameters = read(client.session, server.name)
     paused = parameters.get("sim.paused")
-    seconds, measured = _clock(client, 0.0 if paused else _MEASURE)
+    seconds, measured = _clock(client, server, 0.0 if paused else _MEASURE)
     told = {
         "server": server.name,
         "version": server.version,
@@ -42,7 +42,7 @@ def state(
         "time": seconds,
         "speed": parameters.get("sim.speed"),
         "measured_speed": None if paused else round(measured, 3),
-        "resets": client.subscribe("~/epoch").next(_CLOCK).data,
+        "resets": client.subscribe(f"{server.name}/epoch").next(_PATIENCE).data,
     }
     if output == "json":
         say_json(told)
@@ -125,18 +125,38 @@ def speed(
     say(_number(read(client.session, server).get("sim.speed")))
 
 
-def _clock(client: "Client", span: float) -> tuple[float, float]:
-    """Returns simulated time [s], and its speed over a span of wall time [s]."""
-    with client.subscribe("/clock", depth=1) as clock:
-        first, begin = _seconds(clock.next(_CLOCK)), time.monotonic()
+def _clock(client: "Client", server: "ServerInfo", span: float) -> tuple[float, float]:
+    """Returns a server's simulated time [s], and its speed over a span of wall time [s]."""
+    topic = _own_clock(client, server)
+    if topic is None:
+        return _last_second(client, server)
+    with client.subscribe(topic, depth=1) as clock:
+        first, begin = _seconds(clock.next(_PATIENCE).clock), time.monotonic()
         last, end = first, begin
         while end - begin < span:
-            last, end = _seconds(clock.next(_CLOCK)), time.monotonic()
+            last, end = _seconds(clock.next(_PATIENCE).clock), time.monotonic()
     return last, (last - first) / (end - begin) if end > begin else 0.0
 
 
-def _seconds(message: Any) -> float:
-    return float(message.clock.sec + message.clock.nanosec / 1e9)
+def _own_clock(client: "Client", server: "ServerInfo") -> str | None:
+    """Returns the topic of a server's clock; None if others publish it too, since whose time it is would not show."""
+    from mjplug_schemas.rosgraph_msgs import Clock
+
+    clocks = (topic for topic in client.topics().values() if topic.type == Clock.TYPE)
+    return next((topic.name for topic in clocks if topic.publishers == (server.name,)), None)
+
+
+def _last_second(client: "Client", server: "ServerInfo") -> tuple[float, float]:
+    """Returns what a server says itself of its time [s] and its speed, about the last second."""
+    from mjplug_schemas.diagnostic_msgs import DiagnosticArray
+
+    said = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_PATIENCE).message)
+    values = {value.key: value.value for status in said.status for value in status.values}
+    return _seconds(said.header.stamp), float(values["real-time factor"])
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec + stamp.nanosec / 1e9)
 
 
 def _number(value: Any) -> str:

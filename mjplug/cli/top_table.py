@@ -1,5 +1,6 @@
 """What `mjplug top` shows: one `/diagnostics` message as lines of text."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -117,6 +118,8 @@ def _short(number: str) -> str:
     try:
         value = float(number)
     except ValueError:
+        return number
+    if not math.isfinite(value):
         return number
     if value == int(value) and abs(value) < 1e9:
         return str(int(value))

@@ -75,14 +75,19 @@ def delay(
     Prints a report every second until Ctrl-C. Ages are in simulated time, by the stamps of the messages and /clock.
     Between two messages on /clock, simulated time is taken to go on at the rate of the last ones.
     """
+    from mjplug.client import ClientError, TimedOutError
     from mjplug_schemas.rosgraph_msgs import Clock
 
     kind = _stamped(client, topic)
+    clocks = client.topic("/clock").publishers
+    if len(clocks) > 1:
+        raise ClientError(
+            f"several servers publish /clock: {', '.join(clocks)}; no age is known unless each has one of its own, "
+            "such as --set 'remap={/clock: /robot2/clock}'"
+        )
     now = _SimulatedNow()
     client.subscribe("/clock", Clock, now.tick, depth=100)
     if not now.known.wait(timeout if timeout is not None else 5.0):
-        from mjplug.client import TimedOutError
-
         raise TimedOutError("nothing comes on /clock, so nobody knows how old a message is")
     _report(client, topic, window, count, timeout, lambda sample: now() - _stamp(kind, sample), _age)
 

@@ -1,6 +1,7 @@
 """A connection to the servers of one network."""
 
 import atexit
+import threading
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any, TypeVar, overload
@@ -12,6 +13,7 @@ from mjplug.client.errors import TimedOutError, WrongTypeError
 from mjplug.client.graph import Graph
 from mjplug.client.listing import ServiceInfo, TopicInfo
 from mjplug.client.parameters import read as read_parameters
+from mjplug.client.patience import bounded
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import Subscription
 from mjplug.client.types import Fields, as_message, find, known, message_class
@@ -35,6 +37,8 @@ class Client(Graph):
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
         super().__init__(session, endpoint, server)
+        # Held while the lists below are looked at or changed, and never while somebody is waited for.
+        self._lock = threading.Lock()
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._called: dict[str, ServiceInfo] = {}
@@ -75,8 +79,9 @@ class Client(Graph):
         full, topic, kind = self._choose(name, type)
         subscription: Subscription[Any] = Subscription(full, kind, depth, callback)
         key = f"{names.key(full)}/@json" if kind is dict else names.key(full)
-        subscription.open(self.session, key, topic.depth if topic is not None and topic.latched else 0)
-        self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
+        with self._lock:
+            subscription.open(self.session, key, topic.depth if topic is not None and topic.latched else 0)
+            self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
         return subscription
 
     def publisher(self, name: str, type: Any = None) -> Publisher[Any]:
@@ -91,9 +96,10 @@ class Client(Graph):
             WrongTypeError: The topic has another type.
         """
         full, _, kind = self._choose(name, type)
-        publisher = self._publishers.get((full, kind))
-        if publisher is None or publisher.closed:
-            publisher = self._publishers[full, kind] = Publisher(self.session, full, names.key(full), kind)
+        with self._lock:
+            publisher = self._publishers.get((full, kind))
+            if publisher is None or publisher.closed:
+                publisher = self._publishers[full, kind] = Publisher(self.session, full, names.key(full), kind)
         return publisher
 
     def publish(self, name: str, message: Message | Fields, timeout: float = 5.0) -> None:
@@ -137,13 +143,15 @@ class Client(Graph):
             RequestRefused: The service answered with an error or, with `check`, with `success` false.
             TimedOutError: There was no answer in time.
             UnknownNameError: No server offers the service.
-            WrongTypeError: The request is not of the service's type.
+            WrongTypeError: The request is not of the service's type, or given twice.
         """
+        if message is not None and fields:
+            raise WrongTypeError(f"the request is given twice: as a message, and as {', '.join(fields)}")
         service = self._called.get(name) or self.service(name)
         kind = known(service.type)
         given = fields if message is None else message
         sent = given if kind is None else as_message(given, kind.Request)
-        patience = request.patience(sent, self._speed(service, sent)) if timeout is None else timeout
+        patience = request.patience(sent, self._speed(service, sent)) if timeout is None else bounded(timeout)
         try:
             response = request.send(self.session, service, sent, kind, patience)
             # Looking it up takes longer than calling it.
@@ -156,12 +164,18 @@ class Client(Graph):
         return response
 
     def close(self) -> None:
-        """Ends every subscription and leaves the network; a second call does nothing."""
+        """Ends every subscription and publisher and leaves the network; a second call does nothing."""
         atexit.unregister(self.close)
+        with self._lock:
+            if self._closed:
+                return
+            # From now on nobody gets another one.
+            self._closed = True
         for subscription in self._subscriptions:
             subscription.close()
-        if not self.session.is_closed():
-            self.session.close()  # type: ignore[no-untyped-call]
+        for publisher in self._publishers.values():
+            publisher.close()
+        self._session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> "Client":
         return self

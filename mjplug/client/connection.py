@@ -11,6 +11,7 @@ import zenoh
 from mjplug.client.client import Client
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.listing import server_names
+from mjplug.client.patience import bounded
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a server listens unless it is told otherwise."""
@@ -51,8 +52,9 @@ def connect(
         NoServerError: Nobody is there.
         UnknownNameError: There are servers, but none of this name.
     """
+    server = f"/{server.removeprefix('/')}" if server else ""
     chosen = endpoint or os.environ.get(VARIABLE) or DEFAULT_ENDPOINT
-    until = time.monotonic() + timeout
+    until = time.monotonic() + bounded(timeout)
     settings = _settings(chosen, config)
     session = _open(settings, chosen, until)
     try:

@@ -8,6 +8,7 @@ import zenoh
 from mjplug.client import listing
 from mjplug.client.errors import ClientError, NoServerError, TimedOutError, UnknownNameError
 from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.client.patience import bounded
 from mjplug.client.types import find
 from mjplug_schemas import names
 from mjplug_schemas.errors import NameRuleError
@@ -20,7 +21,6 @@ class Graph:
     """The servers of one network and what they offer. Every call looks at what there is now. Thread-safe.
 
     Attributes:
-        session: The Zenoh session, for what there is no method for.
         endpoint: Where it is connected.
 
     Args:
@@ -30,9 +30,21 @@ class Graph:
     """
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
-        self.session = session
+        self._session = session
+        self._closed = False
         self.endpoint = endpoint
         self._server = server
+
+    @property
+    def session(self) -> zenoh.Session:
+        """The Zenoh session, for what there is no method for.
+
+        Raises:
+            ClientError: It is closed.
+        """
+        if self._closed:
+            raise ClientError(f"the client of {self.endpoint} is closed")
+        return self._session
 
     @property
     def server(self) -> ServerInfo:
@@ -46,10 +58,10 @@ class Graph:
 
     def servers(self) -> dict[str, ServerInfo]:
         """Returns all servers of the network by name; one that is just stopping may be missing."""
-        found = {}
-        for name in listing.server_names(self.session):
+        found, session = {}, self.session
+        for name in listing.server_names(session):
             try:
-                found[name] = listing.parse(listing.ask(self.session, name))
+                found[name] = listing.parse(listing.ask(session, name))
             except ClientError:
                 continue
         return found
@@ -122,7 +134,7 @@ class Graph:
         Raises:
             TimedOutError: It did not come in time.
         """
-        until = time.monotonic() + timeout
+        until = time.monotonic() + bounded(timeout)
         while (found := self._there(name)) is None:
             if time.monotonic() >= until:
                 raise TimedOutError(f"neither a topic nor a service {name} appeared within {timeout:g} s")

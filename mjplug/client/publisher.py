@@ -7,6 +7,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError
+from mjplug.client.patience import bounded
 from mjplug.client.types import as_message, to_json
 from mjplug.wire.encoding import encoding_of
 
@@ -42,6 +43,8 @@ class Publisher(Generic[M]):
             congestion_control=zenoh.CongestionControl.BLOCK,
             reliability=zenoh.Reliability.RELIABLE,
         )
+        # Zenoh refuses to undeclare a publisher that is just sending.
+        self._lock = threading.Lock()
         self._matched = threading.Event()
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
 
@@ -59,7 +62,7 @@ class Publisher(Generic[M]):
         Returns:
             Whether somebody does.
         """
-        return self._matched.wait(timeout)
+        return self._matched.wait(None if timeout is None else bounded(timeout))
 
     def publish(self, message: "M | dict[str, Any]") -> None:
         """Sends a message.
@@ -71,19 +74,19 @@ class Publisher(Generic[M]):
             WrongTypeError: It does not fit the topic's type.
             ClientError: The publisher is closed.
         """
-        if self.closed:
-            raise ClientError(f"the publisher of {self.name} is closed")
-        if self._class is dict:
-            self._publisher.put(to_json(message))
-        else:
-            self._publisher.put(as_message(message, self._class).to_cdr())
+        payload = to_json(message) if self._class is dict else as_message(message, self._class).to_cdr()
+        with self._lock:
+            if self.closed:
+                raise ClientError(f"the publisher of {self.name} is closed")
+            self._publisher.put(payload)
 
     def close(self) -> None:
         """Stops publishing; a second call does nothing."""
-        if not self.closed:
-            self.closed = True
-            # zenoh's stubs leave the return type open.
-            self._publisher.undeclare()  # type: ignore[no-untyped-call]
+        with self._lock:
+            if not self.closed:
+                self.closed = True
+                # zenoh's stubs leave the return type open.
+                self._publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> "Publisher[M]":
         return self

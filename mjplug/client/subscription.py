@@ -13,6 +13,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
+from mjplug.client.patience import bounded
 from mjplug.wire.encoding import Decoder, PayloadError, Received
 
 _log = logging.getLogger(__name__)
@@ -51,6 +52,8 @@ class Subscription(Generic[M]):
         self.type = type
         self.dropped = 0
         self._decode = _decoder(type)
+        if depth < 1:
+            raise ClientError(f"depth is how many messages may wait, at least 1, not {depth}")
         self._queue: deque[zenoh.Sample] = deque(maxlen=depth)
         self._newest: zenoh.Sample | None = None
         self._decoded: tuple[zenoh.Sample, M] | None = None
@@ -98,7 +101,9 @@ class Subscription(Generic[M]):
             WrongTypeError: Something else than the topic's type came.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._newest is not None or self._closed, timeout)
+            self._changed.wait_for(
+                lambda: self._newest is not None or self._closed, None if timeout is None else bounded(timeout)
+            )
             sample = self._newest
         if sample is None:
             return None
@@ -111,8 +116,8 @@ class Subscription(Generic[M]):
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        if self._declared is not None:
             declared, self._declared = self._declared, None
+        if declared is not None:
             declared.undeclare()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(1.0)
@@ -152,7 +157,7 @@ class Subscription(Generic[M]):
 
     def _take(self, timeout: float | None) -> zenoh.Sample | None:
         """Returns the oldest sample that waits; None when the subscription is closed."""
-        until = None if timeout is None else time.monotonic() + timeout
+        until = None if timeout is None else time.monotonic() + bounded(timeout)
         with self._changed:
             while not self._queue:
                 if self._closed:

@@ -41,12 +41,17 @@ class Stopwatch:
         """Takes up the stepper whose updates are to be measured now and then."""
         self._stepper, self._update = stepper, stepper.update
 
+    @property
+    def measured(self) -> int:
+        """Updates that were measured since the last look; fewer than `SAMPLES`: there were no others."""
+        return SAMPLES - self._left
+
     def update_time(self) -> float | None:
         """Returns the mean time of the updates that were measured since the last look [s]; None if there were none.
 
         The next ones will be measured.
         """
-        count, measured = SAMPLES - self._left, self._measured
+        count, measured = self.measured, self._measured
         self._left, self._measured = SAMPLES, 0.0
         if self._stepper is not None:
             self._stepper.update = self._timed

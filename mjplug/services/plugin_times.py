@@ -2,7 +2,7 @@
 
 from mjplug.core.loop import Loop
 from mjplug.diagnosis import Diagnosis
-from mjplug.plugin.stopwatch import Stopwatch
+from mjplug.plugin.stopwatch import SAMPLES, Stopwatch
 
 
 class PluginTimes:
@@ -35,11 +35,12 @@ class PluginTimes:
         self._at, self._step = now, self._loop.simulation.step
         self._values, self._total = {}, 0.0
         for name, watch in self._watches.items():
+            measured = watch.measured
             update, busy, calls = watch.update_time(), watch.seconds, watch.calls
             watch.seconds, watch.calls = 0.0, 0
             if update is not None:
-                # An estimate: it may have been active in some of these steps only.
-                busy += update * steps
+                # An estimate once not all were measured: it may have been active in some of these steps only.
+                busy += update * (steps if measured == SAMPLES else measured)
             if seconds <= 0 or not busy:
                 continue
             self._total += busy / seconds

@@ -45,7 +45,7 @@ def _read(path: Path) -> str:
         PluginError: It cannot be read, or is no XML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         root = ElementTree.fromstring(text)
     except (OSError, ValueError) as error:
         raise PluginError(f"{path} cannot be read: {error}") from error

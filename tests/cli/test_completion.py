@@ -75,7 +75,7 @@ def test_what_is_answered_quickly_are_all_commands_that_take_such_a_name(group, 
     assert quick_completion.COMMANDS[group][1] == taking
 
 
-QUESTIONS = ("topic echo /cl", "topic hz ", "service call /mjplug/set_p", "topic info /nope", "topic echo --on", "topic ec")
+QUESTIONS = ("topic echo /cl", "service call /mjplug/set_p", "topic info /nope")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "fish is-args"])
@@ -83,7 +83,7 @@ def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatc
     monkeypatch.setenv("MJPLUG_CONNECT", tour.endpoint)
     name, _, action = shell.partition(" ")
     for line in QUESTIONS:
-        words = f"mjplug {line}".split(" ")
+        words = ["mjplug", *line.split()]
         asking = {
             "_MJPLUG_COMPLETE": f"complete_{name}", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1),
             "_TYPER_COMPLETE_ARGS": " ".join(words), "_TYPER_COMPLETE_FISH_ACTION": action or "get-args",
@@ -92,8 +92,7 @@ def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatc
             monkeypatch.setenv(variable, value)
         code = 0
         try:
-            if not quick_completion.answer():
-                continue
+            assert quick_completion.answer()
         except SystemExit as end:
             code = end.code
         quick = capsys.readouterr().out
@@ -103,7 +102,7 @@ def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatc
             capture_output=True, text=True, timeout=20.0, check=False,
         )  # fmt: skip
         assert (quick.strip(), code) == (typed.stdout.strip(), typed.returncode), line
-        assert ("/clock" in quick) == (line in QUESTIONS[:2] and not action), line
+        assert ("/clock" in quick) == (line == QUESTIONS[0] and not action), line
 
 
 def test_what_cannot_be_answered_quickly_is_left_to_typer(monkeypatch):

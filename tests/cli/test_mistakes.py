@@ -126,13 +126,20 @@ MODELS = {
 
 OPTIONS = {
     "an unknown keyframe": Mistake(
-        "bundled:arm --keyframe hme", 3, ["unknown keyframe 'hme', did you mean 'home'?; known: home, start_90\n"]
+        "bundled:arm --keyframe hme",
+        3,
+        ["--keyframe hme: error: ", "unknown keyframe 'hme', did you mean 'home'?; known: home, start_90\n"],
     ),
     "an unknown plugin": Mistake(
-        "bundled:box --plugin heart_beat", 3, ["'heart_beat', did you mean 'heartbeat'?; known: "]
+        "bundled:box --plugin heart_beat",
+        3,
+        ["--plugin heart_beat: ", "did you mean 'heartbeat'?; known: "],
     ),
     "an unknown plugin with a name": Mistake(
         "bundled:box --plugin heart_beat:pulse", 3, ["'heart_beat", "did you mean 'heartbeat'?"]
+    ),
+    "a speed that is none": Mistake(
+        "bundled:box --speed fast", 3, ["--speed fast: error: sim.speed: Input should be a number or 'max', not 'fast'"]
     ),
     "a name that no plugin can have": Mistake("bundled:box --plugin heartbeat:a.b", 3, ["'a.b' is not a valid ROS"]),
     "two plugins of one name": Mistake(
@@ -147,7 +154,10 @@ OPTIONS = {
     "an endpoint that is none": Mistake(
         "bundled:box --listen 127.0.0.1:7447",
         3,
-        ["'127.0.0.1:7447' is no Zenoh endpoint; write it as protocol/address, such as tcp/127.0.0.1:7447\n"],
+        [
+            "--listen 127.0.0.1:7447: error: ",
+            "'127.0.0.1:7447' is no Zenoh endpoint; write it as protocol/address, such as tcp/127.0.0.1:7447\n",
+        ],
     ),
     "an address of another machine": Mistake(
         "bundled:box --listen tcp/192.0.2.1:7777", 5, ["error: cannot listen on tcp/192.0.2.1:7777: "]

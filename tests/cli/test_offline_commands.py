@@ -2,15 +2,11 @@
 
 import json
 import re
-import resource
-import subprocess
-import sys
 
 import mujoco
 import numpy as np
 import pytest
 import yaml
-from cli.process import COMMAND, environment
 from cli.tour import typed
 
 from mjplug.core.model_location import bundled_models

@@ -5,7 +5,9 @@ import re
 
 import pytest
 import yaml
+from cli.process import Served
 
+from mjplug.client import connect
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 from mjplug_schemas.rihs01 import type_hash
 
@@ -95,6 +97,24 @@ def test_the_state_of_the_simulation_is_shown(tour):
     assert told["time"] > float(state["time"].removesuffix(" s"))
     tour.ask("sim", "reset")
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["resets"] == told["resets"] + 1
+
+
+def test_of_several_servers_each_shows_its_own_time(tour, tmp_path):
+    other = Served("bundled:box", "--speed", "0.01", "--set", "namespace=other", "-e", tour.endpoint, cwd=tmp_path)
+    try:
+        with connect(tour.endpoint) as client:
+            client.wait_for("/other/mjplug/get_diagnostics")
+        assert "there are several servers: /mjplug, /other/mjplug; choose one" in tour.fail(1, "sim", "state")
+        own, others = (
+            json.loads(tour.ask("sim", "state", "--server", name, "-o", "json")) for name in ("/mjplug", "other/mjplug")
+        )
+        assert others["server"] == "/other/mjplug"
+        # At a hundredth of the speed it is not a second old, and the tour is on its way for longer.
+        assert others["time"] < 1.0
+        assert others["measured_speed"] < 0.1 < own["measured_speed"]
+        assert "several servers publish /clock: /mjplug, /other/mjplug" in tour.fail(1, "topic", "delay", "/clock")
+    finally:
+        assert other.stop() == 0
 
 
 def test_a_simulation_is_paused_stepped_and_resumed(tour):

@@ -70,6 +70,8 @@ def test_an_error_reply_raises_with_its_sentence(client):
 def test_a_wrong_request_does_not_leave(client, name, fields, error, sentence):
     with pytest.raises(error, match=sentence):
         client.call(name, **fields)
+    with pytest.raises(WrongTypeError, match=r"the request is given twice: as a message, and as paused"):
+        client.call("~/set_pause", {"paused": True}, paused=False)
     with pytest.raises(WrongTypeError, match=r"SetPause_Request is needed, not .*StepSimulation_Request"):
         client.call("~/set_pause", StepSimulation.Request())
 

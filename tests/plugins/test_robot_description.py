@@ -49,6 +49,11 @@ def test_a_file_counts_from_the_folder_of_the_configuration_and_takes_the_place_
     assert describe(None, file=str(tmp_path / "robot.urdf")) == URDF
 
 
+def test_the_mark_that_some_editors_put_first_is_not_part_of_it(describe, tmp_path):
+    (tmp_path / "robot.urdf").write_text(URDF, encoding="utf-8-sig")
+    assert describe(file="robot.urdf") == URDF
+
+
 def test_a_model_that_includes_others_comes_in_one_piece(describe, tmp_path):
     (tmp_path / "part.xml").write_text(MJCF)
     scene = tmp_path / "scene.xml"

@@ -191,6 +191,32 @@ def test_noise_is_the_same_in_every_run_whoever_listens_and_another_for_another_
     assert not np.array_equal(first, positions(2))
 
 
+def test_noise_makes_no_distance_of_what_is_beyond_the_cutoff():
+    # A wall at 0.3 m along the site's z axis: in reach of one sensor, beyond the cutoff of the other.
+    xml = ROBOT.replace(
+        "<worldbody>", '<worldbody><geom name="wall" type="box" size=".1 .1 .1" pos="0 0 .9" contype="0"/>'
+    ).replace(
+        '<rangefinder name="eye" site="torso" noise=".01"/>',
+        '<rangefinder name="eye" site="torso" noise=".01"/>'
+        '<rangefinder name="short" site="torso" noise=".01" cutoff=".2"/>',
+    )
+    world = world_of(xml, noise=True, renamed={"sensor": "short"})
+    seen = series(world, "eye/range", lambda message: message.range, "renamed/range")
+    assert (seen.mean(), seen.std()) == (pytest.approx(0.3, abs=2e-3), pytest.approx(0.01, rel=0.1))
+    beyond = world.published("/sensors/renamed/range")
+    assert {message.range for message in beyond} == {np.inf}
+    # Transforms knows the sensor by its name in the model only.
+    assert {message.header.frame_id for message in beyond} == {"short_frame"}
+
+
+def test_noise_makes_no_negative_force_of_a_touch():
+    world = world_of(ROBOT.replace("<sensor>", '<sensor><touch name="pad" site="wrist" noise=".5"/>'), noise=True)
+    forces = series(world, "pad/touch", lambda message: message.data)
+    assert forces.min() == 0.0
+    # Half of the normal distribution is cut off.
+    assert forces.mean() == pytest.approx(0.5 / np.sqrt(2.0 * np.pi), rel=0.15)
+
+
 def test_noise_can_be_asked_for_one_sensor_only():
     world = world_of(base={"type": "pose", "sensor": "torso", "noise": True})
     positions = series(world, "base/pose", lambda message: xyz(message.pose.position), "field/magnetic_field")

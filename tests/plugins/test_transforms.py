@@ -230,6 +230,19 @@ def test_more_frames_can_be_fixed_to_bodies_sites_and_cameras():
     assert (links["origin"][0], list(links["origin"][1])) == ("world", [1.0, 0.0, 0.0])
 
 
+def test_a_frame_can_be_fixed_to_a_camera_that_moves_by_itself():
+    world = world_of(frames={"lens": {"camera": "follower", "xyz": [0.1, 0.2, 0.3], "rpy": [0.1, 0.2, 0.3]}})
+    world.data.qvel[world.model.body("ball").dofadr[0] :][:3] = (3.0, 2.0, 1.0)
+    world.loop.step(100)
+    mujoco.mj_forward(world.model, world.data)
+    axes = optical_axes(world.data.camera("follower").xmat)
+    parent, position, rotation = moving(world)["lens"]
+    assert parent == "world"
+    assert position == pytest.approx(world.data.camera("follower").xpos + axes @ (0.1, 0.2, 0.3), abs=1e-9)
+    turn = about((0, 0, 1), 0.3) @ about((0, 1, 0), 0.2) @ about((1, 0, 0), 0.1)
+    assert rotation == pytest.approx(axes @ turn, abs=1e-9)
+
+
 def test_stamps_go_on_at_a_reset_and_poses_come_back():
     world = world_of()
     world.data.joint("yaw").qvel[0] = 2.0

@@ -139,6 +139,12 @@ def test_some_updates_are_measured_and_stand_for_all(busy, clock):
     values = figures(busy, clock, 1.0 - spent)
     assert values["busy update (us)"] == pytest.approx(100.0)
     assert values["busy (%)"] == pytest.approx(100 * spent)
+    # Fewer than are measured stand for themselves only, however many steps there were.
+    busy.plugin.host.activate()
+    busy.loop.step(5)
+    busy.plugin.host.deactivate()
+    busy.loop.step(4)
+    assert figures(busy, clock, 1.0 - 5 * 100e-6)["busy (%)"] == pytest.approx(5 * 100e-4)
     # What is not active has no updates.
     busy.loop.step(5)
     assert "busy update (us)" not in figures(busy, clock, 1.0)

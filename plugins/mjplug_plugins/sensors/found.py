@@ -27,6 +27,7 @@ class Source:
         begin: Where its numbers begin in `sensordata`.
         size: How many they are.
         noise: Standard deviation of its noise, in its own unit.
+        cutoff: Where its numbers end, in its own unit; 0 is nowhere.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Source:
     begin: int
     size: int
     noise: float
+    cutoff: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ def sources(model: mujoco.MjModel) -> dict[str, Source]:
         if name := mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor):
             kind, size = SENSOR_NAMES[int(model.sensor_type[sensor])], int(model.sensor_dim[sensor])
             begin, noise = int(model.sensor_adr[sensor]), float(model.sensor_noise[sensor])
-            found[name] = Source(name, sensor, kind, begin, size, noise)
+            found[name] = Source(name, sensor, kind, begin, size, noise, float(model.sensor_cutoff[sensor]))
     return found
 
 

@@ -1,6 +1,6 @@
 """Gaussian noise as the model states it, which MuJoCo itself does not add."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
@@ -12,6 +12,8 @@ from mjplug_plugins.sensors.found import Sensor, Source
 Array = NDArray[np.float64]
 
 _POSITIVE = {"touch", "insidesite"}
+"""One number each, never below 0."""
+
 _UNIT_VECTOR = {"framexaxis", "frameyaxis", "framezaxis", "geomnormal"}
 
 
@@ -35,7 +37,15 @@ class Noise:
         self._start: Any = self._bits.state
         self._random = np.random.Generator(self._bits)
         self.values = {role: np.zeros(source.size) for role, source in sensor.parts.items()}
-        self._parts = [(source, exact[role], self.values[role]) for role, source in sensor.parts.items()]
+        # A turn has three degrees of freedom, though a quaternion has four numbers.
+        free = [3 if source.size == 4 else source.size for source in sensor.parts.values()]
+        self._noise = np.zeros(sum(free))
+        self._deviations = np.repeat([source.noise for source in sensor.parts.values()], free)
+        shares = np.split(self._noise, np.cumsum(free)[:-1])
+        self._parts = [
+            (_adder(source), source, exact[role], share, self.values[role])
+            for (role, source), share in zip(sensor.parts.items(), shares, strict=True)
+        ]
 
     def draw(self, time_ns: int, epoch: int) -> None:
         """Brings `values` up to the present ones.
@@ -47,26 +57,44 @@ class Noise:
         # A counter is set in a few microseconds; a new generator takes a hundred.
         self._start["state"]["counter"][:] = (0, 0, time_ns, epoch)
         self._bits.state = self._start
-        for source, exact, noisy in self._parts:
-            # A turn has three degrees of freedom, though a quaternion has four numbers.
-            free = 3 if source.size == 4 else source.size
-            noisy[:] = _noisy(source, exact, source.noise * self._random.standard_normal(free))
+        self._random.standard_normal(out=self._noise)
+        np.multiply(self._noise, self._deviations, self._noise)
+        for add, source, exact, noise, noisy in self._parts:
+            add(source, exact, noise, noisy)
 
 
-def _noisy(source: Source, exact: Array, noise: Array) -> Array:
+def _adder(source: Source) -> Callable[[Source, Array, Array, Array], object]:
+    """Returns what writes the exact numbers with noise into an array: it gets source, exact, noise and the array."""
     if source.size == 4:
-        # A small turn in the sensor's own axes.
-        turn, turned = np.empty(4), np.empty(4)
-        angle = float(np.linalg.norm(noise))
-        mujoco.mju_axisAngle2Quat(turn, noise / angle if angle else np.array((1.0, 0.0, 0.0)), angle)
-        mujoco.mju_mulQuat(turned, exact, turn)
-        return turned
-    noisy = exact + noise
-    if source.type in _POSITIVE:
-        return np.maximum(noisy, 0.0)
+        return _turn
     if source.type == "rangefinder":
-        # -1 is no distance but says that there is nothing.
-        return np.where(exact < 0.0, exact, np.maximum(noisy, 0.0))
-    if source.type in _UNIT_VECTOR:
-        return noisy / np.linalg.norm(noisy)
-    return noisy
+        return _add_to_distance
+    if source.type in _POSITIVE:
+        return _add_to_positive
+    return _add_to_direction if source.type in _UNIT_VECTOR else _add
+
+
+def _add(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
+    np.add(exact, noise, noisy)
+
+
+def _add_to_positive(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
+    noisy[0] = max(float(exact[0]) + float(noise[0]), 0.0)
+
+
+def _add_to_distance(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
+    distance = float(exact[0])
+    # -1 and the cutoff are no distances but say that there is nothing within reach.
+    nothing = distance < 0.0 or 0.0 < source.cutoff <= distance
+    noisy[0] = distance if nothing else max(distance + float(noise[0]), 0.0)
+
+
+def _add_to_direction(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
+    np.add(exact, noise, noisy)
+    np.divide(noisy, np.linalg.norm(noisy), noisy)
+
+
+def _turn(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
+    # A small turn in the sensor's own axes.
+    noisy[:] = exact
+    mujoco.mju_quatIntegrate(noisy, noise, 1.0)

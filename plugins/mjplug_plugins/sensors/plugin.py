@@ -7,7 +7,7 @@ from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher
 from mjplug_plugins.sensors.choice import chosen
 from mjplug_plugins.sensors.exact import exact_values
 from mjplug_plugins.sensors.found import Sensor
-from mjplug_plugins.sensors.frames import frame_of
+from mjplug_plugins.sensors.frames import disagreement, frame_of, reference_in_frame
 from mjplug_plugins.sensors.kinds import KINDS
 from mjplug_plugins.sensors.noise import Noise
 from mjplug_plugins.sensors.parameters import SensorParameters, SensorsParameters
@@ -32,6 +32,8 @@ class Sensors(Plugin[SensorsParameters]):
         rates: dict[float, list[_Reading]] = defaultdict(list)
         topics: dict[str, str] = {}
         for sensor, settings in sensors:
+            if wrong := disagreement(host.model, sensor):
+                host.logger.warning("%s: the message is in the frame of the first", wrong)
             reading = _Reading(host, sensor, _complete(settings, parameters), parameters.world_frame, seed)
             if reading.topic in topics:
                 raise PluginError(
@@ -60,10 +62,13 @@ class _Reading:
         exact = exact_values(host.model, host.data, sensor)
         noisy = bool(settings.noise) and any(source.noise for source in sensor.parts.values())
         self._noise = Noise(sensor, exact, seed) if noisy else None
-        cutoff = float(host.model.sensor_cutoff[sensor.main.sensor])
+        cutoff = sensor.main.cutoff
         frame = frame_of(host.model, sensor, world) if settings.frame_id is None else settings.frame_id
         self._message = CdrFrame(message_of(sensor, settings, frame, cutoff, noisy))
-        self._fills = fills(sensor, settings, self._noise.values if self._noise else exact, self._message, cutoff)
+        values = self._noise.values if self._noise else exact
+        places = {role: reference_in_frame(host.model, source) for role, source in sensor.parts.items()}
+        references = {role: place for role, place in places.items() if place is not None}
+        self._fills = fills(sensor, settings, values, self._message, cutoff, references)
         self._stamped = sensor.kind in STAMPED
 
     def publish(self) -> None:

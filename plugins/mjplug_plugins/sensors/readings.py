@@ -3,7 +3,9 @@
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +96,12 @@ def max_range(settings: SensorParameters, cutoff: float) -> float:
 
 
 def fills(
-    sensor: Sensor, settings: SensorParameters, values: Mapping[str, Array], frame: CdrFrame, cutoff: float
+    sensor: Sensor,
+    settings: SensorParameters,
+    values: Mapping[str, Array],
+    frame: CdrFrame,
+    cutoff: float,
+    references: Mapping[str, tuple[Array, Array]],
 ) -> list[Fill]:
     """Returns what writes the present values into a message.
 
@@ -104,8 +111,23 @@ def fills(
         values: The numbers of each part, by its role; arrays that change in place.
         frame: The message.
         cutoff: The cutoff of its first part; 0 is none.
+        references: Where the reference of a part is in the message's frame, by its role: position and turn (w, x, y,
+            z), shapes (3,) and (4,). A part that is not in it is in that frame already.
     """
     view = frame.view
+    # What is written into arrays of our own is copied from there.
+    moves = [_moved(values[role], *place) for role, place in references.items()]
+    values = {**values, **{role: moved for role, (moved, _) in zip(references, moves, strict=True)}}
+    return [move for _, move in moves] + _copies(sensor, settings, values, view, cutoff)
+
+
+def _copies(
+    sensor: Sensor,
+    settings: SensorParameters,
+    values: Mapping[str, Array],
+    view: Callable[[str], NDArray[Any]],
+    cutoff: float,
+) -> list[Fill]:
     if sensor.kind == "imu":
         turn = [_quaternion(values["quat"], view("orientation"))] if "quat" in values else []
         vectors = (("gyro", "angular_velocity"), ("accel", "linear_acceleration"))
@@ -123,6 +145,19 @@ def fills(
         bounds = settings.min_range or 0.0, max_range(settings, cutoff)
         return [partial(_write_range, values["sensor"], *bounds, view("range"))]
     return [_copy(values["sensor"], view("vector" if sensor.kind == "vector" else "data"))]
+
+
+def _moved(source: Array, shift: Array, turn: Array) -> tuple[Array, Fill]:
+    """Returns an array for what is known from a place, as seen from where that is; and what brings it up to date."""
+    target = np.zeros(source.size)
+    if source.size == 4:
+        return target, partial(mujoco.mju_mulQuat, target, turn, source)
+
+    def move() -> None:
+        mujoco.mju_rotVecQuat(target, source, turn)
+        np.add(target, shift, target)
+
+    return target, move
 
 
 def _copy(source: Array, target: Array) -> Fill:

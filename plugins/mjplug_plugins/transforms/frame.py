@@ -36,7 +36,7 @@ class Frame:
     Attributes:
         name: Its name.
         body: The id of the body that it is fixed to.
-        pos: Where it is in the body's frame [m], shape (3,).
+        pos: Where it is in the body's frame [m], shape (3,); with a camera, in that one's optical frame.
         quat_wxyz: How it is turned there, shape (4,).
         camera: The id of the camera that it goes with, if that moves by itself instead of with its body.
     """
@@ -74,6 +74,9 @@ def site_frames(model: mujoco.MjModel, wanted: TransformsParameters) -> Iterator
         return
     sensed: dict[int, None] = {}
     for sensor in range(model.nsensor):
+        if int(model.sensor_reftype[sensor]) == _SITE and model.sensor_refid[sensor] >= 0:
+            # In whose axes the numbers are.
+            sensed[int(model.sensor_refid[sensor])] = None
         if int(model.sensor_objtype[sensor]) != _SITE:
             continue
         site, name = int(model.sensor_objid[sensor]), mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor)
@@ -100,12 +103,10 @@ def given_frame(model: mujoco.MjModel, name: str, given: FrameParameters) -> Fra
     else:
         camera = _id(model, mujoco.mjtObj.mjOBJ_CAMERA, "camera", given.camera or "", model.ncam)
         base = _camera(model, name, camera)
-        if base.camera is not None:
-            return base
     turn, shift = np.empty(4), np.empty(3)
     mujoco.mju_euler2Quat(turn, np.array(given.rpy), "XYZ")
     mujoco.mju_rotVecQuat(shift, np.array(given.xyz), base.quat_wxyz)
-    return Frame(name, base.body, base.pos + shift, compose(base.quat_wxyz, turn))
+    return Frame(name, base.body, base.pos + shift, compose(base.quat_wxyz, turn), base.camera)
 
 
 def compose(quat_a: Array, quat_b: Array) -> Array:

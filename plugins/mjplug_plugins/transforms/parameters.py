@@ -45,7 +45,8 @@ class TransformsParameters(Parameters):
     )
     cameras: bool = Field(default=True, description="Whether cameras have frames, `<camera>_frame`.")
     sites: Literal["sensors", "all", "none"] | Annotated[tuple[str, ...], Field(strict=False)] = Field(
-        default="sensors", description="Sites that are frames: `sensors` is those with a sensor; or a list of names."
+        default="sensors",
+        description="Sites that are frames: `sensors` is those that sensors name; or a list of names.",
     )
     frames: dict[str, FrameParameters] = Field(default={}, description="More frames, by name.")
     topic: str = Field(default="/tf", description="Topic of what moves.")

@@ -63,11 +63,13 @@ class Relative:
         model, data = self._model, self._data
         mujoco.mj_comPos(model, data)
         mujoco.mj_camlight(model, data)
-        quat = np.empty(4)
+        quat, shift = np.empty(4), np.empty(3)
         for i, camera in self._cameras:
             mujoco.mju_mat2Quat(quat, data.cam_xmat[camera])
-            self.poses[i, :3] = data.cam_xpos[camera]
-            self.poses[i, 3:] = compose(quat, OPTICAL)
+            optical = compose(quat, OPTICAL)
+            mujoco.mju_rotVecQuat(shift, self._pos[i], optical)
+            self.poses[i, :3] = data.cam_xpos[camera] + shift
+            self.poses[i, 3:] = compose(optical, self._quat[i, :, 0])
 
 
 def _from_left(quat_wxyz: Array) -> Array:

@@ -1,0 +1,110 @@
+"""What ends, when it ends, and what is said to whoever comes after."""
+
+import math
+import threading
+
+import pytest
+
+from mjplug.client import ClientError, connect
+from mjplug_schemas.rosgraph_msgs import Clock
+from mjplug_schemas.std_msgs import String
+
+PATIENCE = 10.0
+SUBSCRIPTIONS = 25
+"""By each of several threads."""
+
+
+def test_whoever_uses_a_closed_client_hears_so(server):
+    client = connect(server.endpoint)
+    clock, chatter = client.subscribe("/clock", Clock), client.publisher("/chatter", String)
+    client.close()
+    client.close()
+    assert clock.closed
+    assert chatter.closed
+    with pytest.raises(ClientError, match=r"the publisher of /chatter is closed"):
+        chatter.publish(String())
+    for use in (
+        lambda: client.subscribe("/clock", Clock),
+        lambda: client.publisher("/chatter", String),
+        lambda: client.call("/mjplug/set_pause"),
+        lambda: client.wait_for("/clock"),
+        client.topics,
+    ):
+        with pytest.raises(ClientError, match=rf"the client of {server.endpoint} is closed"):
+            use()
+
+
+def test_closing_ends_the_waits_of_all_threads(server):
+    client = connect(server.endpoint)
+    opened, ended = threading.Barrier(5), []
+
+    def listen():
+        mine = [client.subscribe("/nobody", String) for _ in range(SUBSCRIPTIONS)]
+        opened.wait(PATIENCE)
+        for subscription in mine:
+            ended.append(list(subscription))
+
+    threads = [threading.Thread(target=listen, daemon=True) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    opened.wait(PATIENCE)
+    client.close()
+    for thread in threads:
+        thread.join(PATIENCE)
+    assert ended == [[]] * 4 * SUBSCRIPTIONS
+
+
+def test_a_publisher_may_be_closed_while_another_thread_sends(client):
+    publisher, begun, refused = client.publisher("/chatter", String), threading.Event(), []
+
+    def send():
+        try:
+            while True:
+                publisher.publish(String(data="x" * 10_000))
+                begun.set()
+        except ClientError as error:
+            refused.append(str(error))
+
+    sending = threading.Thread(target=send, daemon=True)
+    sending.start()
+    assert begun.wait(PATIENCE)
+    publisher.close()
+    sending.join(PATIENCE)
+    assert refused == ["the publisher of /chatter is closed"]
+
+
+def test_a_callback_may_close_the_client(server):
+    client, done = connect(server.endpoint), threading.Event()
+
+    def callback(message):
+        client.close()
+        done.set()
+
+    subscription = client.subscribe("/clock", Clock, callback)
+    assert done.wait(PATIENCE)
+    assert subscription.closed
+
+
+def test_waits_may_be_for_ever_but_not_shorter_than_nothing(client):
+    with client.subscribe("/clock", Clock) as clock:
+        assert isinstance(clock.next(math.inf), Clock)
+        assert isinstance(clock.latest(math.inf), Clock)
+        assert client.publisher("/cmd_vel").wait_for_subscriber(math.inf)
+        assert client.call("~/set_pause", paused=False, timeout=math.inf).success
+        assert client.call("~/set_pause", paused=False, timeout=1e12).success
+        for wrong in (-1.0, math.nan):
+            for wait in (
+                lambda wrong=wrong: clock.next(wrong),
+                lambda wrong=wrong: clock.latest(wrong),
+                lambda wrong=wrong: client.call("~/set_pause", timeout=wrong),
+                lambda wrong=wrong: client.wait_for("/later", wrong),
+                lambda wrong=wrong: client.publisher("/x", String).wait_for_subscriber(wrong),
+                lambda wrong=wrong: connect(client.endpoint, timeout=wrong),
+            ):
+                with pytest.raises(ClientError, match=rf"a timeout is a number of seconds from 0 on, not {wrong}"):
+                    wait()
+
+
+def test_a_queue_has_room_for_a_message(client):
+    with pytest.raises(ClientError, match=r"depth is how many messages may wait, at least 1, not 0"):
+        client.subscribe("/clock", Clock, depth=0)
