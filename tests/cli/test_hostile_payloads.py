@@ -89,8 +89,12 @@ def test_ten_megabytes_are_refused_unread(target):
 
 def test_a_megabyte_of_wrenches_is_refused_whole(target):
     many = b'{"wrenches": {"external_wrenches": [' + b",".join([b"{}"] * 340_000) + b"]}}"
+    sentence = refused(target.client.send("external_wrench/apply_wrench", many, JSON, timeout=60.0))
+    assert "340002 objects" in sentence
+    assert "at most 10000" in sentence
+    most = b'{"wrenches": {"external_wrenches": [' + b",".join([b"{}"] * 9_998) + b"]}}"
     assert "nothing was applied" in refused(
-        target.client.send("external_wrench/apply_wrench", many, JSON, timeout=60.0)
+        target.client.send("external_wrench/apply_wrench", most, JSON, timeout=60.0)
     )
 
 

@@ -18,7 +18,7 @@ def simulation(arm_model):
 
 
 def lines(caplog):
-    found = [record.getMessage() for record in caplog.records]
+    found = [record.getMessage() for record in caplog.records if record.name == "mjplug.core.recovery"]
     caplog.clear()
     return found
 
