@@ -1,7 +1,6 @@
 """What pip makes of this repository: a wheel with the right things in it, which runs where nothing else is."""
 
 import subprocess
-import sys
 import tomllib
 import venv
 import zipfile
@@ -27,10 +26,15 @@ def pip(python, *arguments):
     assert done.returncode == 0, done.stderr
 
 
+def environment(folder):
+    """Makes a virtual environment with pip, which the one of the tests need not have, and returns its Python."""
+    venv.create(folder, with_pip=True)
+    return folder / "bin" / "python"
+
+
 def environment_with(folder, *arguments):
     """Makes a virtual environment, installs something with pip, and returns its Python."""
-    venv.create(folder, with_pip=True)
-    python = folder / "bin" / "python"
+    python = environment(folder)
     pip(python, "install", *arguments)
     return python
 
@@ -38,7 +42,7 @@ def environment_with(folder, *arguments):
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
-    pip(sys.executable, "wheel", "--no-deps", "--wheel-dir", folder, ROOT)
+    pip(environment(tmp_path_factory.mktemp("builder")), "wheel", "--no-deps", "--wheel-dir", folder, ROOT)
     (built,) = folder.glob("*.whl")
     return built
 
