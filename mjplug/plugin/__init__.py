@@ -9,7 +9,7 @@ from mjplug.diagnosis import Diagnosis, Level
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName, quoted
 from mjplug.frame import CdrFrame
 from mjplug.plugin.host import Host
-from mjplug.plugin.plugin import Parameters, Plugin
+from mjplug.plugin.plugin import SECTION, Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
 from mjplug.work import Job, UnavailableError, Work, Worker, worker_diagnosis
 
@@ -18,6 +18,7 @@ __all__ = [
     "DEFAULT",
     "LATCHED",
     "LATEST",
+    "SECTION",
     "ActuatorLaw",
     "Call",
     "CdrFrame",

@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic_core import PydanticKnownError
 
 if TYPE_CHECKING:
     from mjplug.plugin.host import Host
@@ -21,6 +22,18 @@ class Parameters(BaseModel):
         frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True, allow_inf_nan=False
     )
 
+
+def _section(value: object) -> object:
+    if isinstance(value, bool | int | float | str):
+        raise PydanticKnownError("extra_forbidden")
+    return {} if value is None else value
+
+
+SECTION = BeforeValidator(_section)
+"""For parameters below names of the user's own, as in `__pydantic_extra__: dict[str, Annotated[Lidar, SECTION]]`.
+
+A plain value there is no section but a misspelt parameter, and is refused as one; an empty section has the defaults.
+"""
 
 P = TypeVar("P", bound=Parameters)
 

@@ -9,10 +9,9 @@ from typing import Annotated
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticKnownError
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, PluginError, Publisher, UnknownName
+from mjplug.plugin import SECTION, CdrFrame, Host, Parameters, Plugin, PluginError, Publisher, UnknownName
 from mjplug_schemas.sensor_msgs import LaserScan
 from mjplug_schemas.std_msgs import Header
 
@@ -74,18 +73,11 @@ class LidarParameters(Parameters):
         return range_max
 
 
-def _lidar(value: object) -> object:
-    """Lets a mapping pass; a plain value is no lidar but a misspelt parameter."""
-    if isinstance(value, bool | int | float | str):
-        raise PydanticKnownError("extra_forbidden")
-    return value
-
-
 class RangefinderLidarParameters(Parameters):
     """Parameters of RangefinderLidar; every other name is that of a lidar, with LidarParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[LidarParameters, BeforeValidator(_lidar)]]
+    __pydantic_extra__: dict[str, Annotated[LidarParameters, SECTION]]
 
     lidar_publish_rate: float = Field(
         default=5.0, gt=0, description="Scans per second of simulated time, of every lidar [Hz]."

@@ -2,10 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticKnownError
+from pydantic import ConfigDict, Field
 
-from mjplug.plugin import Parameters
+from mjplug.plugin import SECTION, Parameters
 from mjplug_plugins.camera.view import Segmentation
 
 Policy = Literal["streaming", "polled", "disabled"]
@@ -36,18 +35,11 @@ class ViewParameters(Parameters):
     )
 
 
-def _view(value: object) -> object:
-    """Lets a mapping pass; a plain value is no camera but a misspelt parameter."""
-    if isinstance(value, bool | int | float | str):
-        raise PydanticKnownError("extra_forbidden")
-    return value
-
-
 class CameraParameters(Parameters):
     """Parameters of Camera; every other name is that of a camera, with ViewParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[ViewParameters, BeforeValidator(_view)]]
+    __pydantic_extra__: dict[str, Annotated[ViewParameters, SECTION]]
 
     camera_publish_rate: float = Field(
         default=5.0, gt=0, description="Images per second of simulated time, of every streaming camera [Hz]."

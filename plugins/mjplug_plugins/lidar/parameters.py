@@ -3,9 +3,8 @@
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticKnownError
 
-from mjplug.plugin import Parameters
+from mjplug.plugin import SECTION, Parameters
 
 
 def _listed(value: object) -> object:
@@ -77,18 +76,11 @@ class LidarParameters(Parameters):
         return max_range
 
 
-def _lidar(value: object) -> object:
-    """Lets a mapping pass; a plain value is no lidar but a misspelt parameter."""
-    if isinstance(value, bool | int | float | str):
-        raise PydanticKnownError("extra_forbidden")
-    return {} if value is None else value
-
-
 class PluginParameters(Parameters):
     """Parameters of Lidar; every other name is that of a lidar, with LidarParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[LidarParameters, BeforeValidator(_lidar)]]
+    __pydantic_extra__: dict[str, Annotated[LidarParameters, SECTION]]
 
     threads: int = Field(default=1, ge=1, le=64, description="Threads that cast the rays of a scan.")
     sync: bool = Field(default=False, description="Whether physics waits for each scan.")

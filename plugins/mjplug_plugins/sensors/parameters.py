@@ -3,10 +3,9 @@
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticKnownError
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import Parameters
+from mjplug.plugin import SECTION, Parameters
 from mjplug_plugins.sensors.kinds import KindName
 
 
@@ -86,18 +85,11 @@ class SensorParameters(Parameters):
         return max_range
 
 
-def _sensor(value: object) -> object:
-    """Lets a mapping pass; a plain value is no sensor but a misspelt parameter."""
-    if isinstance(value, bool | int | float | str):
-        raise PydanticKnownError("extra_forbidden")
-    return {} if value is None else value
-
-
 class SensorsParameters(Parameters):
     """Parameters of Sensors; every other name is that of a sensor, with SensorParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[SensorParameters, BeforeValidator(_sensor)]]
+    __pydantic_extra__: dict[str, Annotated[SensorParameters, SECTION]]
 
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time, of every sensor [Hz].")
     discover: tuple[KindName, ...] = Field(
