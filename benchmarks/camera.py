@@ -15,12 +15,12 @@ import mujoco
 import numpy as np
 import zenoh
 
+from benchmarks.frame_publisher import FramePublisher
 from benchmarks.lateness import p99_in_thread
 from benchmarks.measure import Result, pairs
 from benchmarks.world import client, model_of, network
 from mjplug.config.settings import Settings
 from mjplug.core.simulation import Simulation
-from mjplug.frame import CdrFrame
 from mjplug.plugin import Job
 from mjplug.plugin.selection import Selected
 from mjplug.server import Server
@@ -30,7 +30,6 @@ from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND, GlContext
 from mjplug_plugins.camera.view import View, camera_names, intrinsics_of
 from mjplug_plugins.camera.work import CameraWork, Look, stream_task
-from mjplug_schemas.message import Message
 
 WIDTH, HEIGHT = 640, 480
 
@@ -50,19 +49,6 @@ def results() -> list[Result]:
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         drawn = [result for uri in ("bundled:arm", "bundled:quadruped") for result in pool.submit(_drawn, uri).result()]
     return [*drawn, *_beside_physics("bundled:arm")]
-
-
-class _Publisher:
-    """Copies the message into Zenoh's memory, as a real one does."""
-
-    def __init__(self, matched: bool) -> None:
-        self.matched = matched
-
-    def publish(self, message: Message) -> None:
-        raise NotImplementedError
-
-    def publish_frame(self, frame: CdrFrame) -> None:
-        self.payload = zenoh.ZBytes(frame.payload())
 
 
 def _drawn(uri: str) -> list[Result]:
@@ -121,7 +107,7 @@ class _Ours:
         view = View(name, camera, WIDTH, HEIGHT, "frame", intrinsics_of(model, camera, WIDTH, HEIGHT), "none")
         self._work = CameraWork([view], Look())
         self._work.open(
-            model, [_Publisher(matched) for matched in (True, True, True, False, False)], logging.getLogger()
+            model, [FramePublisher(matched) for matched in (True, True, True, False, False)], logging.getLogger()
         )
         self._job = Job(0, 0, frozenset([stream_task(name)]))
 

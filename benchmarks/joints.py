@@ -1,7 +1,5 @@
 """What 30 joints cost the physics thread: their states as messages at 1 kHz, and PIDs that hold them at every step."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from time import perf_counter, sleep
 from typing import Any
@@ -9,14 +7,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from benchmarks.listener import listening
 from benchmarks.measure import Result, figure, pairs
+from benchmarks.timed_host import TimedHost
 from benchmarks.world import network
 from mjplug.core.loop import Loop
-from mjplug.core.scheduler import Timer
 from mjplug.core.simulation import Simulation
 from mjplug.diagnosis import Diagnostics
 from mjplug.offline import OfflineTransport, OfflineWorkers
-from mjplug.plugin import Host, Publisher
+from mjplug.plugin import Publisher
 from mjplug.transport import Transport
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
 from mjplug_schemas.builtin_interfaces import Duration
@@ -30,29 +29,6 @@ JOINTS, BURST, BURSTS, STEPS = 30, 50, 40, 4000
 
 PAUSE = 0.002
 """Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
-
-_SUBSCRIBER = """
-import json, sys, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
-with zenoh.open(config) as session:
-    session.declare_subscriber("joint_states", lambda sample: None)
-    sys.stdin.read()
-"""
-
-
-class _Host(Host):
-    """Keeps what the plugin's timer would call, and the publisher it depends on, to time them without the steps."""
-
-    callback: Callable[[], None]
-    publisher: Publisher[Any] | None
-
-    def create_timer(
-        self, period: float, callback: Callable[[], None], while_matched: Publisher[Any] | None = None
-    ) -> Timer:
-        self.callback, self.publisher = callback, while_matched
-        return super().create_timer(period, callback, while_matched)
 
 
 class _Transport(OfflineTransport):
@@ -72,17 +48,8 @@ def results() -> list[Result]:
     found = [figure(f"{what}: a message, up to the wire", alone, "<= 5", "{:.2f} µs")]
     with network() as opened:
         publish, publisher = _publishing(opened)
-        command = [sys.executable, "-c", _SUBSCRIBER, opened.session.endpoint]
-        subscriber = subprocess.Popen(command, stdin=subprocess.PIPE)
-        try:
-            deadline = perf_counter() + 10
-            while not publisher.matched:
-                assert perf_counter() < deadline
-                sleep(0.01)
+        with listening(opened.session.endpoint, "joint_states", publisher):
             found.append(figure(f"{what}: a message, one subscriber", publish, "<= 5", "{:.2f} µs"))
-        finally:
-            subscriber.terminate()
-            subscriber.wait(10)
     unheard, bare = _steps(states=True), _steps()
     found.append(pairs(f"{what} at 1 kHz, unsubscribed: a step, against none", unheard, bare, "<= 1.02", "{:.2f} µs"))
     idle, pid = _steps(commands=True), _steps(commands=True, holding=True)
@@ -106,16 +73,17 @@ def _model() -> mujoco.MjModel:
     return model
 
 
-def _host(transport: Transport) -> tuple[_Host, Loop]:
+def _host(transport: Transport) -> tuple[TimedHost, Loop]:
     loop = Loop(Simulation(_model()))
-    return _Host("joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkers(), Diagnostics()), loop
+    return TimedHost(
+        "joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkers(), Diagnostics()
+    ), loop
 
 
 def _publishing(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
     """Starts the plugin; returns what measures one message [µs], and its publisher."""
     host, _ = _host(transport)
     JointStatePublisher().init(host, JointStatePublisher.parameters_type(rate=1000.0))
-    assert host.publisher is not None
 
     def publish() -> float:
         # Every message on its own, so that what the machine does besides stays out of the median.

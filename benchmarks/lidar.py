@@ -8,14 +8,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from benchmarks.frame_publisher import FramePublisher
 from benchmarks.measure import Result, pairs
-from mjplug.frame import CdrFrame
 from mjplug.plugin import Job
 from mjplug_plugins.lidar.parameters import LidarParameters
 from mjplug_plugins.lidar.pattern import directions
 from mjplug_plugins.lidar.settings import Settings, settings_of
 from mjplug_plugins.lidar.work import LidarWork
-from mjplug_schemas.message import Message
 
 COLUMNS, ROWS, SCAN = 1024, 64, 1080
 
@@ -35,18 +34,6 @@ def results() -> list[Result]:
     ]
 
 
-class _Publisher:
-    """Copies the message, as a real one does for the wire."""
-
-    matched = True
-
-    def publish(self, message: Message) -> None:
-        raise NotImplementedError
-
-    def publish_frame(self, frame: CdrFrame) -> None:
-        self.payload = frame.payload()
-
-
 def _compared(what: str, model: mujoco.MjModel, rows: int, threads: int, goal: str) -> Result:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -60,7 +47,7 @@ def _compared(what: str, model: mujoco.MjModel, rows: int, threads: int, goal: s
     }
     settings = settings_of(model, "lidar", None, LidarParameters(**given), (0,))
     work = LidarWork([settings], threads)
-    work.open(model, [_Publisher()], logging.getLogger(__name__))
+    work.open(model, [FramePublisher()], logging.getLogger(__name__))
     job = Job(0, 0, frozenset({"lidar"}))
     try:
         return pairs(

@@ -1,14 +1,12 @@
 """What publishing a 30-joint JointState from a prebuilt frame costs the physics thread."""
 
-import subprocess
-import sys
-import threading
 from collections.abc import Callable
 from time import perf_counter, sleep
 
 import numpy as np
 from zenoh import ZBytes
 
+from benchmarks.listener import listening
 from benchmarks.measure import Result, figure
 from benchmarks.world import network
 from mjplug.frame import CdrFrame
@@ -20,16 +18,6 @@ JOINTS, BURST, BURSTS = 30, 50, 40
 PAUSE = 0.002
 """Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
 
-_SUBSCRIBER = """
-import json, sys, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"client"')
-config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
-with zenoh.open(config) as session:
-    session.declare_subscriber("joint_states", lambda sample: None)
-    sys.stdin.read()
-"""
-
 
 def results() -> list[Result]:
     """With one subscriber in another process; the writes, the stamp and the put are all counted."""
@@ -40,12 +28,8 @@ def results() -> list[Result]:
     # As in mjData: a free joint first, then the robot's joints in one piece.
     qpos, qvel, force = (np.random.default_rng(i).normal(size=JOINTS + 7)[7:] for i in range(3))
     with network() as opened:
-        matched = threading.Event()
-        publisher = opened.open_publisher(Topic("/joint_states", JointState, QoS()), matched.set)
-        command = [sys.executable, "-c", _SUBSCRIBER, opened.session.endpoint]
-        subscriber = subprocess.Popen(command, stdin=subprocess.PIPE)
-        try:
-            assert matched.wait(10)
+        publisher = opened.open_publisher(Topic("/joint_states", JointState, QoS()))
+        with listening(opened.session.endpoint, "joint_states", publisher):
 
             def burst(send: Callable[[], object]) -> float:
                 began = perf_counter()
@@ -77,6 +61,3 @@ def results() -> list[Result]:
                     "{:.2f} µs",
                 ),
             ]
-        finally:
-            subscriber.terminate()
-            subscriber.wait(10)

@@ -1,0 +1,26 @@
+"""A host that lets a benchmark call what a plugin's timer would call."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mjplug.core.scheduler import Timer
+from mjplug.plugin import Host, Publisher
+
+
+class TimedHost(Host):
+    """Keeps what the plugin's timer would call, and the publisher it depends on, to time them without the steps."""
+
+    callback: Callable[[], None]
+    publisher: Publisher[Any]
+
+    def create_timer(
+        self,
+        period: float,
+        callback: Callable[[], None],
+        while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
+    ) -> Timer:
+        """Keeps both, and makes the timer."""
+        assert while_matched is not None
+        assert not isinstance(while_matched, Sequence)
+        self.callback, self.publisher = callback, while_matched
+        return super().create_timer(period, callback, while_matched)
