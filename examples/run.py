@@ -9,12 +9,11 @@ A folder with a `run.py` of its own knows better.
 
 import contextlib
 import os
-import re
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+
+from server import serving
 
 EXAMPLES = Path(__file__).parent
 
@@ -31,7 +30,7 @@ def main() -> int:
     with contextlib.ExitStack() as servers:
         endpoint = ""
         for config in sorted(folder.glob("*.yaml")):
-            joined = servers.enter_context(serving(config, endpoint))
+            joined = servers.enter_context(serving(start(config, endpoint)))
             endpoint = endpoint or joined
         (script,) = (path for path in folder.glob("*.py") if "\nUsage: python " in path.read_text(encoding="utf-8"))
         print(f"$ MJPLUG_CONNECT={endpoint} python examples/{folder.name}/{script.name}", flush=True)
@@ -39,9 +38,8 @@ def main() -> int:
         return subprocess.run([sys.executable, script, endpoint], env=environment, check=False).returncode
 
 
-@contextlib.contextmanager
-def serving(config: Path, router: str) -> Iterator[str]:
-    """Serves a configuration file until the block ends; the value is the endpoint.
+def start(config: Path, router: str) -> "subprocess.Popen[str]":
+    """Starts a server with a configuration file.
 
     Args:
         config: The file.
@@ -51,22 +49,7 @@ def serving(config: Path, router: str) -> Iterator[str]:
     print("$", *shown, flush=True)
     command = [sys.executable, "-m", "mjplug", "serve", str(config), *shown[3:]]
     # A free port, so that an example works beside another server.
-    server = subprocess.Popen([*command, "--listen", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
-    assert server.stdout is not None
-    try:
-        for line in server.stdout:
-            print(line, end="", flush=True)
-            if found := re.search(r"^ready · (\S+)", line):
-                yield found[1]
-                break
-        else:
-            sys.exit(server.wait())
-    finally:
-        server.send_signal(signal.SIGINT)
-        stopped = server.wait(10)
-        server.stdout.close()
-    if stopped:
-        sys.exit(stopped)
+    return subprocess.Popen([*command, "--listen", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
 
 
 if __name__ == "__main__":

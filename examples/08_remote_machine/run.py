@@ -3,17 +3,16 @@
 Needs Linux, `ip` (iproute2) and root; without them it says so, and that is all.
 """
 
-import contextlib
 import os
-import re
 import shutil
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 here = Path(__file__).parent
+sys.path.append(str(here.parent))
+
+from server import serving  # noqa: E402 - it lies beside the folders of the examples
 
 SIMULATOR, LAPTOP = f"simulator-{os.getpid()}", f"laptop-{os.getpid()}"
 """Names of the namespaces; several runs may go on at once."""
@@ -29,7 +28,7 @@ def main() -> int:
         return 0
     try:
         connected()
-        with serving() as endpoint:
+        with serving(start()) as endpoint:
             print(f"laptop$ python examples/08_remote_machine/look.py {endpoint}", flush=True)
             return inside(LAPTOP, str(here / "look.py"), endpoint).wait()
     finally:
@@ -59,26 +58,10 @@ def inside(namespace: str, *words: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(["ip", "netns", "exec", namespace, sys.executable, *words], stdout=pipe, text=True)
 
 
-@contextlib.contextmanager
-def serving() -> Iterator[str]:
-    """Serves the configuration in the simulator's namespace until the block ends; the value is the endpoint."""
+def start() -> "subprocess.Popen[str]":
+    """Starts a server with the configuration in the simulator's namespace."""
     print("simulator$ mjplug serve examples/08_remote_machine/config.yaml", flush=True)
-    server = inside(SIMULATOR, "-m", "mjplug", "serve", str(here / "config.yaml"))
-    assert server.stdout is not None
-    try:
-        for line in server.stdout:
-            print(line, end="", flush=True)
-            if found := re.search(r"^ready · (\S+)", line):
-                yield found[1]
-                break
-        else:
-            sys.exit(server.wait())
-    finally:
-        server.send_signal(signal.SIGINT)
-        stopped = server.wait(10)
-        server.stdout.close()
-    if stopped:
-        sys.exit(stopped)
+    return inside(SIMULATOR, "-m", "mjplug", "serve", str(here / "config.yaml"))
 
 
 if __name__ == "__main__":
