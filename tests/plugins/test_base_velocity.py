@@ -5,33 +5,15 @@ import mujoco
 import numpy as np
 import pytest
 from conftest import World
+from driven_base import BALL, BASE, DT, command, twist, velocity_in_body, world_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from mjplug.config.load import read
-from mjplug.core.model_file import load_model
 from mjplug.core.reset import Reset
-from mjplug.errors import MjplugError
-from mjplug.plugin.selection import select
-from mjplug_plugins.base_velocity import BaseVelocity, BaseVelocityParameters
-from mjplug_schemas.geometry_msgs import Twist, TwistStamped, Vector3
+from mjplug_plugins.base_velocity import BaseVelocity
+from mjplug_schemas.geometry_msgs import TwistStamped
 
-DT = 0.002
-
-BALL = """
-<mujoco>
-  <option timestep="0.002" gravity="0 0 0"/>
-  <worldbody>
-    <body name="post" pos="5 0 0"><geom size=".1"/></body>
-    <body name="other"><freejoint/><geom size=".1" pos="0 3 0"/></body>
-    <body name="base"><freejoint/><geom size=".1" contype="0" conaffinity="0"/></body>
-  </worldbody>
-</mujoco>
-"""
 """A base that nothing acts on: what it is given as velocity, it keeps within a step."""
-
-BASE = slice(6, 12)
 """Its velocities in qvel."""
 
 SLOPE = """
@@ -45,43 +27,6 @@ SLOPE = """
   </worldbody>
 </mujoco>
 """
-
-DOCUMENTED = """\
-/**:
-  ros__parameters:
-    mujoco_plugins:
-      base_velocity_plugin:
-        type: "mujoco_ros2_control_plugins/BaseVelocityPlugin"
-        body: base_link
-        cmd_vel_topic: /cmd_vel
-"""
-
-
-def twist(vx=0.0, vy=0.0, yaw_rate=0.0, **others):
-    linear, angular = {"x": vx, "y": vy}, {"z": yaw_rate}
-    for name, value in others.items():
-        (linear if name == "vz" else angular)[name[-1]] = value
-    return Twist(linear=Vector3(**linear), angular=Vector3(**angular))
-
-
-def world_of(xml=BALL, **parameters):
-    world = World(mujoco.MjModel.from_xml_string(xml))
-    world.plugin = world.add(BaseVelocity, "drive", **{"body": "base", **parameters})
-    return world
-
-
-def command(world, *values, **others):
-    world.transport.send("/drive/cmd_vel", twist(*values, **others))
-
-
-def velocity_in_body(world, qpos, qvel):
-    """Linear and angular velocity of a state in the axes of the body, by MuJoCo itself."""
-    data = mujoco.MjData(world.model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
-    mujoco.mj_forward(world.model, data)
-    velocity = np.empty(6)
-    mujoco.mj_objectVelocity(world.model, data, mujoco.mjtObj.mjOBJ_XBODY, world.model.body("base").id, velocity, 1)
-    return velocity[3:], velocity[:3]
 
 
 def test_the_velocity_is_the_command_at_every_step_while_the_base_turns():
@@ -270,55 +215,6 @@ def test_the_largest_finite_speed_is_clamped_like_any_other():
     assert world.data.qvel[6:8] == pytest.approx((math.sqrt(0.5), -math.sqrt(0.5)), abs=1e-12)
 
 
-NOT_FINITE = [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, -math.inf), (math.nan, math.inf, math.nan)]
-
-
-@pytest.mark.parametrize("bad", [(1e10, 0, 0), (8e9, 8e9, 0), (0, 0, -1e10), (1e300, 0, 0)])
-def test_a_command_that_mujoco_would_take_for_a_divergence_is_ignored(bad):
-    world = world_of()
-    command(world, 1.0)
-    world.loop.step(1)
-    command(world, *bad)
-    world.loop.step(5)
-    assert not world.loop.paused
-    assert tuple(world.data.qvel[[6, 7, 11]]) == (1.0, 0.0, 0.0)
-    assert world.plugin.ignored == 1
-
-
-def test_the_largest_command_below_that_is_driven():
-    world = world_of("<mujoco><worldbody><body name='base'><freejoint/><geom size='1'/></body></worldbody></mujoco>")
-    command(world, 0, 0, 9.9e9)
-    world.loop.step(1)
-    assert not world.loop.paused
-    assert world.data.qvel[5] == 9.9e9
-
-
-@pytest.mark.parametrize("bad", NOT_FINITE)
-def test_a_command_that_is_not_finite_is_ignored_and_the_one_before_it_holds(bad):
-    world = world_of(cmd_timeout=0.1, max_linear_velocity=5, max_yaw_rate=5)
-    command(world, 1.0, 0.0, 0.0)
-    world.loop.step(30)
-    command(world, *bad)
-    world.loop.step(21)
-    assert tuple(world.data.qvel[[6, 7, 11]]) == (1.0, 0.0, 0.0)
-    world.loop.step(1)
-    assert tuple(world.data.qvel[[6, 7, 11]]) == (0.0, 0.0, 0.0)
-
-
-def test_ignored_commands_are_counted_and_said_once_and_at_the_end(caplog):
-    world = world_of()
-    for bad in NOT_FINITE:
-        command(world, *bad)
-        world.loop.step(1)
-    assert [r.getMessage() for r in caplog.records] == [
-        "a command on /drive/cmd_vel was ignored: linear.x is nan, linear.y is 0, angular.z is 0; all must be finite "
-        "and below 1e+10 (further ones are only counted)"
-    ]
-    assert world.plugin.ignored == 4
-    world.plugin.cleanup()
-    assert caplog.records[-1].getMessage() == "4 commands on /drive/cmd_vel were ignored in all"
-
-
 def test_the_components_that_are_not_driven_do_not_matter():
     world = world_of()
     command(world, 1.0, 2.0, 3.0, vz=math.nan, wx=math.inf, wy=-5.0)
@@ -389,73 +285,3 @@ def test_a_base_that_was_turned_by_hand_drives_along_its_new_heading():
     world.data.qpos[10:14] = (math.sqrt(0.5), 0, 0, math.sqrt(0.5))
     world.loop.step(1)
     assert world.data.qvel[6:8] == pytest.approx((0, 1), abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("body", "reason"),
-    [
-        ("", "unknown body with a free joint ''; known: base, other"),
-        ("bass", "unknown body with a free joint 'bass', did you mean 'base'?; known: base, other"),
-        ("post", "body 'post' has no free joint; bodies with one: base, other"),
-        ("world", "body 'world' has no free joint; bodies with one: base, other"),
-    ],
-)
-def test_what_cannot_be_driven_is_refused_with_what_can(body, reason):
-    with pytest.raises(MjplugError) as caught:
-        world_of(body=body)
-    assert str(caught.value) == reason
-
-
-def test_a_model_without_free_joints_is_refused():
-    with pytest.raises(MjplugError) as caught:
-        world_of("<mujoco><worldbody><body name='base'><geom size='1'/></body></worldbody></mujoco>")
-    assert str(caught.value) == "body 'base' has no free joint; no body of the model has one"
-
-
-@pytest.mark.parametrize("name", ["max_linear_velocity", "max_yaw_rate", "cmd_timeout"])
-@pytest.mark.parametrize("value", [0, -1.0, math.nan, -math.inf, "1", True])
-def test_limits_and_timeout_must_be_positive_numbers(name, value):
-    with pytest.raises(ValidationError):
-        BaseVelocityParameters(body="base", **{name: value})
-
-
-def parameters_of(tmp_path, text):
-    (tmp_path / "plugins.yaml").write_text(text)
-    _, (selected,) = select(read(tmp_path / "plugins.yaml", model="bundled:mobile_base"))
-    return selected
-
-
-def test_the_documented_configuration_loads_unchanged(tmp_path):
-    selected = parameters_of(tmp_path, DOCUMENTED)
-    assert selected.plugin_class is BaseVelocity
-    assert selected.parameters == BaseVelocityParameters(
-        body="base_link",
-        cmd_vel_topic="/cmd_vel",
-        use_stamped_twist=False,
-        max_linear_velocity=math.inf,
-        max_yaw_rate=math.inf,
-        cmd_timeout=0.5,
-    )
-
-
-@pytest.mark.parametrize("infinity", [".inf", "inf", "+.inf"])
-def test_an_infinite_limit_and_whole_numbers_can_be_written(tmp_path, infinity):
-    more = f"        max_linear_velocity: {infinity}\n        max_yaw_rate: {infinity}\n        cmd_timeout: 2\n"
-    parameters = parameters_of(tmp_path, DOCUMENTED + more).parameters
-    assert (parameters.max_linear_velocity, parameters.max_yaw_rate) == (math.inf, math.inf)
-    assert parameters.cmd_timeout == 2.0
-
-
-def test_the_bundled_platform_drives_as_the_documented_configuration_says(tmp_path):
-    world = World(load_model("bundled:mobile_base").model)
-    world.add(BaseVelocity, "base_velocity_plugin", **parameters_of(tmp_path, DOCUMENTED).parameters.model_dump())
-    assert world.transport.subscriptions == {"/cmd_vel"}
-    world.loop.step(500)
-    start = world.data.qpos[:3].copy()
-    for _ in range(20):
-        world.transport.send("/cmd_vel", twist(0.5, 0.0, 0.2))
-        world.loop.step(50)
-    heading = 2 * math.atan2(world.data.qpos[6], world.data.qpos[3])
-    assert heading == pytest.approx(0.4, abs=1e-3)
-    arc = np.array((math.sin(0.4), 1 - math.cos(0.4), 0)) * 0.5 / 0.2
-    assert np.abs(world.data.qpos[:3] - start - arc).max() < 0.005
