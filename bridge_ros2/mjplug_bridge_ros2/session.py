@@ -65,6 +65,7 @@ class Connector:
         if self._thread.ident is not None:
             self._thread.join()
         if self._session is not None:
+            # zenoh's stubs leave the return type open.
             self._session.close()  # type: ignore[no-untyped-call]
 
     def _connect(self) -> None:

@@ -19,6 +19,7 @@ def completion(
     Load it in the file that the shell reads at its start.
     """
     # The same since typer has completion, though its module does not say so.
+    # Typer has these from a module that it does not re-export them from; mypy minds.
     from typer.completion import get_completion_script  # type: ignore[attr-defined]
 
     say(get_completion_script(prog_name=_PROGRAM, complete_var=VARIABLE, shell=shell))
