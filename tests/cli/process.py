@@ -21,15 +21,15 @@ COMMAND = (sys.executable, "-m", "mjplug")
 FREE_PORT = ("--listen", "tcp/127.0.0.1:0")
 
 
-_BYTECODE = tempfile.TemporaryDirectory(prefix="mjplug-bytecode-")
-"""Compiled modules, shared by all processes of a test run: without them, each start takes twice as long."""
+_BYTECODE = str(Path(tempfile.gettempdir(), f"mjplug-bytecode-{os.getuid()}"))
+"""Compiled modules, shared by all processes of all test runs: without them, each start takes twice as long."""
 
 
 def environment(more: Mapping[str, str] | None = None) -> dict[str, str]:
     """What a user's shell has, without settings for mjplug, and with plain wide output."""
     foreign = ("MJPLUG_", "FORCE_COLOR", "PYTHONDONTWRITEBYTECODE")
     own = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
-    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200", "PYTHONPYCACHEPREFIX": _BYTECODE.name}
+    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200", "PYTHONPYCACHEPREFIX": _BYTECODE}
     return own | plain | dict(more or {})
 
 

@@ -2,13 +2,13 @@
 
 import json
 import re
-import shutil
 import tomllib
 
 import pytest
 import zenoh
 from docs.markdown import PAGES, ROOT, Block, blocks_of
 from docs.terminal import ENDPOINT, Command, commands, matches
+from machine import need_program
 
 from mjplug.config import read
 from mjplug.core.model_file import load_model
@@ -178,7 +178,7 @@ def test_commands_run_and_print_what_the_page_says(story, reader_of):
             # Examples are run by tests/examples.
             assert (ROOT / command.words[1]).exists(), line
         elif program in ("pip", "git"):
-            assert shutil.which(program), line
+            need_program(program, {"pip": "python3-pip"}.get(program, program))
             assert story.output is None
         else:
             raise AssertionError(f"{story.block.name}: nobody here runs {program!r}")

@@ -1,0 +1,35 @@
+"""What tests need of the machine: without it, a test is skipped with the reason; with `CI` set, it fails."""
+
+import os
+import shutil
+import subprocess
+from typing import NoReturn
+
+import pytest
+
+
+def lacking(reason: str) -> NoReturn:
+    """Skips the running test, or fails it where nothing may be left out."""
+    (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)
+
+
+def need_program(name: str, package: str) -> None:
+    """Skips the running test on a machine without a program.
+
+    Args:
+        name: The program.
+        package: Debian's package that has it.
+    """
+    if shutil.which(name) is None:
+        lacking(f"this machine has no {name} (Debian package {package})")
+
+
+def has_network_namespaces() -> bool:
+    """Whether this process may make network namespaces."""
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        return False
+    probe = f"mjplug-probe-{os.getpid()}"
+    if subprocess.run(["ip", "netns", "add", probe], capture_output=True, check=False).returncode != 0:
+        return False
+    subprocess.run(["ip", "netns", "del", probe], check=True)
+    return True
