@@ -10,6 +10,7 @@ from mjplug.plugin import UnavailableError
 from mjplug_plugins.camera.gl import GlContext, unavailable
 from mjplug_plugins.camera.parameters import Quality
 from mjplug_plugins.camera.sky import Sky
+from mjplug_plugins.camera.translucent import has_translucent, translucent_hidden
 
 _OFFSCREEN = int(mujoco.mjtFramebuffer.mjFB_OFFSCREEN)
 _EVERYTHING = int(mujoco.mjtCatBit.mjCAT_ALL)
@@ -77,7 +78,7 @@ class Renderer:
         has_sky = bool(np.any(model.tex_type == _SKY_TEXTURE))
         self._sky = Sky(int(model.vis.quality.numslices)) if has_sky else None
         self._sky_verified: bool | None = None
-        self._opaque = not any(np.any((alpha > 0) & (alpha < 1)) for alpha in _alphas(model))
+        self._translucent = has_translucent(model)
         self._scene = mujoco.MjvScene(model, _most_geoms(model))
         if quality == "fast":
             # The haze is drawn with the sky, over what is in front of it.
@@ -97,7 +98,9 @@ class Renderer:
         mujoco.mjv_updateScene(self._model, data, self._options, None, self._camera, _EVERYTHING, self._scene)
 
     def draw(self, colour: NDArray[np.uint8] | None, depth: NDArray[np.float32] | None) -> None:
-        """Draws and reads the pixels, bottom row first. What can be looked through is in no depth, nor is the sky.
+        """Draws and reads the pixels, bottom row first.
+
+        The depth is that of opaque things: one sees through what is translucent, and the sky is background.
 
         Args:
             colour: Shape (rows, columns, 3); None leaves it out.
@@ -107,14 +110,13 @@ class Renderer:
         Raises:
             RuntimeError: OpenGL reports an error, or does not answer any more.
         """
-        apart = self._smooth and (self._opaque or self._sky is not None)
-        if colour is None or depth is None or apart or not self._sky_is_known():
+        # A pixel of a multisampled depth buffer is not the depth at the pixel's centre: that needs a drawing by id.
+        if colour is None or depth is None or self._smooth or not self._sky_is_known():
             if colour is not None:
                 self._render(sky=True)
                 self._read(colour, None)
             if depth is not None:
-                # Drawn by id it is cheaper, and of one point where edges are smoothed; but that has glass in it.
-                self._render(by_id=self._opaque)
+                self._render_opaque_by_id()
                 self._read(None, depth)
             return
         self._render(sky=True)
@@ -188,6 +190,14 @@ class Renderer:
             self._sky_verified = bool(self._sky.seen(camera, depth).all())
         return self._sky_verified
 
+    def _render_opaque_by_id(self) -> None:
+        """Draws opaque things without multisampling, which MuJoCo switches off for drawings by id."""
+        if not self._translucent:
+            self._render(by_id=True)
+            return
+        with translucent_hidden(self._scene):
+            self._render(by_id=True)
+
     def _render(self, sky: bool = False, by_id: bool = False) -> None:
         self._scene.flags[_SKYBOX] = sky
         self._scene.flags[_BY_ID] = by_id
@@ -207,11 +217,6 @@ class Renderer:
         if self._context is None:
             raise RuntimeError("the renderer is closed")
         return self._context
-
-
-def _alphas(model: mujoco.MjModel) -> Iterable[NDArray[np.float32]]:
-    rgbas = (model.geom_rgba, model.site_rgba, model.mat_rgba, model.tendon_rgba, model.skin_rgba, model.flex_rgba)
-    return (rgba[:, 3] for rgba in rgbas)
 
 
 def _most_geoms(model: mujoco.MjModel) -> int:
