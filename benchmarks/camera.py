@@ -104,7 +104,7 @@ class _Ours:
         self._scenes = _Scenes(uri)
         model = self._scenes.model
         name, camera = next(iter(camera_names(model).items()))
-        view = View(name, camera, WIDTH, HEIGHT, "frame", intrinsics_of(model, camera, WIDTH, HEIGHT), "none")
+        view = View(name, name, camera, WIDTH, HEIGHT, "frame", intrinsics_of(model, camera, WIDTH, HEIGHT), "none")
         self._work = CameraWork([view], Look())
         self._work.open(
             model, [FramePublisher(matched) for matched in (True, True, True, False, False)], logging.getLogger()

@@ -9,6 +9,7 @@ from mjplug.diagnosis import Diagnosis, Level
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName, quoted
 from mjplug.frame import CdrFrame
 from mjplug.plugin.host import Host
+from mjplug.plugin.model_names import object_names, ros_tokens
 from mjplug.plugin.plugin import SECTION, Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
 from mjplug.work import Job, UnavailableError, Work, Worker, worker_diagnosis
@@ -46,6 +47,8 @@ __all__ = [
     "actuator_law",
     "doubles",
     "lidar_sensors",
+    "object_names",
     "quoted",
+    "ros_tokens",
     "worker_diagnosis",
 ]

@@ -1,5 +1,6 @@
 """What can be configured, what is refused, and how a way to OpenGL is found."""
 
+import logging
 import textwrap
 import warnings
 from functools import partial
@@ -25,7 +26,7 @@ from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND, GlContext, environments
 from mjplug_plugins.camera.parameters import CameraParameters
 from mjplug_plugins.camera.view import camera_names
-from mjplug_schemas.names import resolve
+from mjplug_schemas.names import resolve, validate_name
 from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
 
 TWO = '<camera name="front" resolution="16 12"/><camera name="wrist" resolution="20 30"/>'
@@ -101,11 +102,13 @@ def test_an_unnamed_camera_gets_a_name_of_its_number():
     assert len(world.published("/cameras/wrist/color")) == 1
 
 
-def test_a_camera_that_is_called_as_an_unnamed_one_would_be_keeps_its_name():
+def test_an_unnamed_camera_leaves_its_number_s_name_to_a_camera_that_has_it():
     cameras = '<camera resolution="16 12"/><camera name="camera_0" resolution="20 12"/>'
-    assert refusal(scene(cameras)) == (
-        "camera 0 has no name, and 'camera_0', which would stand for it, is the name of another; name it in the model"
-    )
+    world = world_of(scene(cameras))
+    world.loop.step(100)
+    assert world.published("/cameras/camera_0/color")[0].width == 20
+    (image,) = world.published("/cameras/camera_0_2/color")
+    assert (image.width, image.header.frame_id) == (16, "camera_0_2_frame")
 
 
 def test_an_unknown_camera_is_refused_with_the_known_ones():
@@ -115,35 +118,78 @@ def test_an_unknown_camera_is_refused_with_the_known_ones():
     assert refusal(scene(""), front={}) == "unknown camera 'front'; there is no camera"
 
 
-def test_a_camera_without_a_resolution_is_refused_with_the_ways_out():
-    cameras = '<camera name="a"/><camera name="b" resolution="16 12"/><camera name="c"/>'
-    assert refusal(scene(cameras)) == (
-        "cameras 'a', 'c' without a resolution, which is 1x1 to MuJoCo; give it in the model "
-        '(<camera … resolution="640 480"/>), or width and height below the name of the camera, or policy: disabled'
-    )
-    assert refusal(scene(cameras), c={"policy": "disabled"}, a={"width": 20}).startswith("camera 'a' without")
-    world = world_of(scene(cameras), c={"policy": "disabled"}, a={"width": 20, "height": 10})
+UNSIZED = '<camera name="a"/><camera name="b" resolution="16 12"/><camera name="c"/>'
+
+
+def sizes(xml, **parameters):
+    world = world_of(xml, **parameters)
     world.loop.step(100)
-    image = world.published("/cameras/a/color")[0]
-    assert (image.width, image.height, len(image.data)) == (20, 10, 600)
+    names = [camera for camera in "abc" if f"/cameras/{camera}/color" in world.transport.publishers]
+    images = {camera: world.published(f"/cameras/{camera}/color")[0] for camera in names}
+    for camera, image in images.items():
+        info = world.published(f"/cameras/{camera}/camera_info")[0]
+        assert (info.width, info.height) == (image.width, image.height)
+        assert len(image.data) == 3 * image.width * image.height
+    return {camera: (image.width, image.height) for camera, image in images.items()}
 
 
-def test_a_camera_whose_name_makes_no_topic_is_refused_with_the_ways_out():
-    def start(**parameters):
-        world = World(mujoco.MjModel.from_xml_string(scene('<camera name="front-left" resolution="16 12"/>')))
-        rules = partial(resolve, namespace="", node="cameras")
-        host = Host("cameras", world.loop, world.transport, rules, world.workers, world.diagnostics)
-        Camera().init(host, CameraParameters(**parameters))
-        world.workers.close()
-        return world
+def test_a_camera_without_a_resolution_has_the_size_of_the_model_s_offscreen_buffer(caplog):
+    caplog.set_level(logging.INFO)
+    assert sizes(scene(UNSIZED)) == {"a": (640, 480), "b": (16, 12), "c": (640, 480)}
+    assert "the size of the model's offscreen buffer: a 640x480, c 640x480" in caplog.text
+    small = scene(UNSIZED, visual='<global offwidth="60" offheight="40"/>')
+    assert sizes(small) == {"a": (60, 40), "b": (16, 12), "c": (60, 40)}
 
+
+def test_the_plugin_s_size_is_that_of_every_camera_without_a_size_of_its_own_in_the_configuration(caplog):
+    caplog.set_level(logging.INFO)
+    small = scene(UNSIZED, visual='<global offwidth="60" offheight="40"/>')
+    expected = {"a": (32, 24), "b": (32, 24), "c": (20, 10)}
+    assert sizes(small, width=32, height=24, c={"width": 20, "height": 10}) == expected
+    assert "offscreen" not in caplog.text
+    expected = {"a": (32, 40), "b": (32, 12)}
+    assert sizes(small, width=32, c={"policy": "disabled"}) == expected
+    assert sizes(small, a={"width": 20})["a"] == (20, 40)
+
+
+def test_a_model_without_cameras_is_a_warning(caplog):
+    world = world_of(scene(""))
+    assert "the model has no camera: nothing is published" in caplog.text
+    assert not world.transport.publishers
+
+
+def test_a_camera_s_name_becomes_a_ros_name_and_its_frame_keeps_the_model_s_spelling(caplog):
+    caplog.set_level(logging.INFO)
+    size = 'resolution="16 12"'
+    cameras = "".join(f'<camera name="{name}" {size}/>' for name in ("y-axis", "y_axis", "y.axis", "2nd", "walker/eye"))
+    world = world_of(scene(cameras), **{"y.axis": {"policy": "polled"}, "2nd": {"frame_name": "second"}})
+    world.loop.step(100)
+    frames = {
+        token: world.published(f"/cameras/{token}/color")[0].header.frame_id
+        for token in ("y_axis", "y_axis_2", "_2nd", "walker_eye")
+    }
+    assert frames == {
+        "y_axis": "y_axis_frame",
+        "y_axis_2": "y-axis_frame",
+        "_2nd": "second",
+        "walker_eye": "walker/eye_frame",
+    }
+    assert world.transport.services == {"/cameras/y_axis_3/trigger"}
+    assert (
+        "the names of topics and services spell a camera as ROS allows: 'y-axis' is y_axis_2, 'y.axis' is y_axis_3, "
+        "'2nd' is _2nd, 'walker/eye' is walker_eye"
+    ) in caplog.text
+    for name in (*world.transport.publishers, *world.transport.services):
+        validate_name(name)
+
+
+def test_a_topic_that_ros_does_not_allow_is_refused_with_the_camera():
+    world = World(mujoco.MjModel.from_xml_string(scene('<camera name="front-left" resolution="16 12"/>')))
+    rules = partial(resolve, namespace="", node="cameras")
+    host = Host("cameras", world.loop, world.transport, rules, world.workers, world.diagnostics)
     with pytest.raises(PluginError) as caught:
-        start()
-    sentence = str(caught.value)
-    assert sentence.startswith("camera 'front-left': '/cameras/front-left/color' is not a valid ROS name")
-    assert sentence.endswith("; rename the camera in the model, or set its topics below its name, or policy: disabled")
-    topics = {"image_topic": "color", "depth_topic": "depth", "info_topic": "info"}
-    assert "/cameras/color" in start(**{"front-left": topics}).transport.publishers
+        Camera().init(host, CameraParameters(**{"front-left": {"image_topic": "front-left"}}))
+    assert str(caught.value).startswith("camera 'front-left': '/cameras/front-left' is not a valid ROS name")
 
 
 WRONG = [

@@ -28,8 +28,8 @@ class ViewParameters(Parameters):
     trigger_service_name: str | None = Field(
         default=None, description="Service that asks for an image; none is `<camera>/trigger`."
     )
-    width: int | None = Field(default=None, ge=1, le=16384, description="Columns; none is the model's `resolution`.")
-    height: int | None = Field(default=None, ge=1, le=16384, description="Rows; none is the model's `resolution`.")
+    width: int | None = Field(default=None, ge=1, le=16384, description="Columns; none is the plugin's `width`.")
+    height: int | None = Field(default=None, ge=1, le=16384, description="Rows; none is the plugin's `height`.")
     segmentation: Segmentation = Field(
         default="none", description="Whether pixels numbered by geom or body are offered on `<camera>/segmentation`."
     )
@@ -43,6 +43,20 @@ class CameraParameters(Parameters):
 
     camera_publish_rate: float = Field(
         default=5.0, gt=0, description="Images per second of simulated time, of every streaming camera [Hz]."
+    )
+    width: int | None = Field(
+        default=None,
+        ge=1,
+        le=16384,
+        description="Columns of the images; none is the camera's `resolution` in the model, or else the model's "
+        "`offwidth` [pixels].",
+    )
+    height: int | None = Field(
+        default=None,
+        ge=1,
+        le=16384,
+        description="Rows of the images; none is the camera's `resolution` in the model, or else the model's "
+        "`offheight` [pixels].",
     )
     quality: Quality = Field(
         default="fast",

@@ -1,18 +1,15 @@
 """The camera plugin: decides when which camera publishes; a process of its own does the drawing."""
 
-from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, UnknownName, Worker
+from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, UnknownName, Worker, ros_tokens
 from mjplug_plugins.camera.fitness import Fitness
 from mjplug_plugins.camera.gl import environments
 from mjplug_plugins.camera.parameters import CameraParameters, ViewParameters
 from mjplug_plugins.camera.schedule import Publishers, Schedule
 from mjplug_plugins.camera.triggers import Triggers
-from mjplug_plugins.camera.view import View, camera_names, intrinsics_of
+from mjplug_plugins.camera.view import View, camera_names, has_resolution, intrinsics_of, size_of
 from mjplug_plugins.camera.work import CameraWork, Look, stream_task
 from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
 from mjplug_schemas.std_srvs import Trigger
-
-_UNSET = [1, 1]
-"""MuJoCo's `resolution` of a camera that was not given one."""
 
 
 class Camera(Plugin[CameraParameters]):
@@ -37,7 +34,7 @@ class Camera(Plugin[CameraParameters]):
             why = "every camera is disabled" if ids else "the model has no camera"
             host.logger.warning("%s: nothing is published", why)
             return
-        views = _views(host, ids, chosen)
+        views = _views(host, ids, chosen, parameters)
         self._triggers = Triggers(lambda task: self._worker.submit([task]))
         publishers = {view.name: self._declare(view, chosen[view.name]) for view in views}
         look = Look(
@@ -73,25 +70,24 @@ class Camera(Plugin[CameraParameters]):
 
     def _declare(self, view: View, settings: ViewParameters) -> Publishers:
         """Declares what a camera has, and returns its publishers in the order in which `CameraWork` takes them."""
-        host, name = self._host, view.name
-        image, depth = settings.image_topic or f"{name}/color", settings.depth_topic or f"{name}/depth"
+        host, name, token = self._host, view.name, view.token
+        image, depth = settings.image_topic or f"{token}/color", settings.depth_topic or f"{token}/depth"
         try:
             publishers: Publishers = [
                 host.create_publisher(Image, image, LATEST),
                 host.create_publisher(Image, depth, LATEST),
-                host.create_publisher(CameraInfo, settings.info_topic or f"{name}/camera_info", LATEST),
+                host.create_publisher(CameraInfo, settings.info_topic or f"{token}/camera_info", LATEST),
                 host.create_publisher(CompressedImage, f"{image}/compressed", LATEST),
                 host.create_publisher(CompressedImage, f"{depth}/compressedDepth", LATEST),
             ]
             if settings.segmentation != "none":
-                publishers.append(host.create_publisher(Image, f"{name}/segmentation", LATEST))
+                publishers.append(host.create_publisher(Image, f"{token}/segmentation", LATEST))
             if settings.policy == "polled":
-                service = settings.trigger_service_name or f"{name}/trigger"
+                service = settings.trigger_service_name or f"{token}/trigger"
                 host.create_service(Trigger, service, lambda request, call: self._triggers.serve(name))
         except PluginError as error:
             raise PluginError(
-                f"camera {name!r}: {error}; rename the camera in the model, or set its topics below its name, or "
-                "policy: disabled"
+                f"camera {name!r}: {error}; set other topics below its name, or policy: disabled"
             ) from error
         return publishers
 
@@ -120,29 +116,26 @@ class Camera(Plugin[CameraParameters]):
         self._triggers.lost(tasks, reason)
 
 
-def _views(host: Host, ids: dict[str, int], chosen: dict[str, ViewParameters]) -> list[View]:
-    """Returns what each camera shows.
-
-    Raises:
-        PluginError: A camera has no resolution.
-    """
+def _views(
+    host: Host, ids: dict[str, int], chosen: dict[str, ViewParameters], parameters: CameraParameters
+) -> list[View]:
+    """Returns what each camera shows."""
     model = host.model
-    without: list[str] = []
+    tokens = ros_tokens(ids, "camera", host.logger)
     views: list[View] = []
+    by_default: list[str] = []
     for name, settings in chosen.items():
         camera = ids[name]
-        resolution = model.cam_resolution[camera].tolist()
-        if resolution == _UNSET and not (settings.width and settings.height):
-            without.append(repr(name))
-            continue
-        width, height = settings.width or resolution[0], settings.height or resolution[1]
+        own, usual = (settings.width, settings.height), (parameters.width, parameters.height)
+        width, height = size_of(model, camera, own, usual)
+        if not has_resolution(model, camera) and None in (own[0] or usual[0], own[1] or usual[1]):
+            by_default.append(f"{name} {width}x{height}")
         frame = f"{name}_frame" if settings.frame_name is None else settings.frame_name
         intrinsics = intrinsics_of(model, camera, width, height)
-        views.append(View(name, camera, width, height, frame, intrinsics, settings.segmentation))
-    if without:
-        cameras = "camera " if len(without) == 1 else "cameras "
-        raise PluginError(
-            f"{cameras}{', '.join(without)} without a resolution, which is 1x1 to MuJoCo; give it in the model "
-            '(<camera … resolution="640 480"/>), or width and height below the name of the camera, or policy: disabled'
+        views.append(View(name, tokens[name], camera, width, height, frame, intrinsics, settings.segmentation))
+    if by_default:
+        host.logger.info(
+            "no resolution is given for these cameras, so they have the size of the model's offscreen buffer: %s",
+            ", ".join(by_default),
         )
     return views

@@ -6,7 +6,7 @@ from typing import Literal
 
 import mujoco
 
-from mjplug.plugin import PluginError
+from mjplug.plugin import object_names
 from mjplug_schemas.sensor_msgs import CameraInfo
 from mjplug_schemas.std_msgs import Header
 
@@ -39,6 +39,7 @@ class View:
 
     Attributes:
         name: The camera's name, or what stands for it.
+        token: Its name as a part of names of topics and services.
         camera: Its id in the model.
         width: Columns [pixels].
         height: Rows [pixels].
@@ -48,6 +49,7 @@ class View:
     """
 
     name: str
+    token: str
     camera: int
     width: int
     height: int
@@ -74,21 +76,35 @@ class View:
 
 
 def camera_names(model: mujoco.MjModel) -> dict[str, int]:
-    """Returns the cameras' names with their ids; those without a name are called `camera_<id>`.
+    """Returns the cameras' names with their ids; those without a name are called `camera_<id>`."""
+    names = object_names(model, mujoco.mjtObj.mjOBJ_CAMERA, "camera", model.ncam)
+    return {name: camera for camera, name in enumerate(names)}
 
-    Raises:
-        PluginError: Such a name is taken.
+
+def size_of(
+    model: mujoco.MjModel, camera: int, own: tuple[int | None, int | None], usual: tuple[int | None, int | None]
+) -> tuple[int, int]:
+    """Returns how many columns and rows the images of a camera have.
+
+    Each is the first that is given: the camera's own setting, that of all cameras, the camera's `resolution` in the
+    model, the size of the model's offscreen buffer (`<visual><global offwidth offheight>`, by default 640x480).
+
+    Args:
+        model: The compiled model.
+        camera: The camera's id.
+        own: Columns and rows that are configured for this camera.
+        usual: Columns and rows that are configured for all cameras.
     """
-    names: dict[str, int] = {}
-    for camera in range(model.ncam):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) or f"camera_{camera}"
-        if name in names or mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) not in (-1, camera):
-            raise PluginError(
-                f"camera {camera} has no name, and {name!r}, which would stand for it, is the name of another; name it "
-                "in the model"
-            )
-        names[name] = camera
-    return names
+    modelled = model.cam_resolution[camera].tolist()
+    if not has_resolution(model, camera):
+        modelled = [model.vis.global_.offwidth, model.vis.global_.offheight]
+    width, height = (one or all_ or default for one, all_, default in zip(own, usual, modelled, strict=True))
+    return int(width), int(height)
+
+
+def has_resolution(model: mujoco.MjModel, camera: int) -> bool:
+    """Returns whether the model gives a camera a `resolution`; MuJoCo's default is one pixel."""
+    return bool(model.cam_resolution[camera].tolist() != [1, 1])
 
 
 def intrinsics_of(model: mujoco.MjModel, camera: int, width: int, height: int) -> Intrinsics | None:

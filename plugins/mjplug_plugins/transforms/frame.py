@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import UnknownName
+from mjplug.plugin import UnknownName, object_names
 from mjplug_plugins.transforms.parameters import FrameParameters, TransformsParameters
 
 Array = NDArray[np.float64]
@@ -55,8 +55,7 @@ class Frame:
 
 def camera_frames(model: mujoco.MjModel) -> Iterator[Frame]:
     """Yields the optical frame of each camera, called as the plugin Camera calls it."""
-    for camera in range(model.ncam):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) or f"camera_{camera}"
+    for camera, name in enumerate(object_names(model, mujoco.mjtObj.mjOBJ_CAMERA, "camera", model.ncam)):
         yield _camera(model, f"{name}_frame", camera)
 
 
