@@ -39,11 +39,11 @@ def ros_tokens(names: Iterable[str], kind: str, logger: Logger) -> dict[str, str
     in the order of the names. The log names those that changed.
 
     Args:
-        names: Different names, in the order of the model.
+        names: Names in the order of the model.
         kind: What they are names of, such as `camera`.
         logger: Where changed names are logged.
     """
-    names = list(names)
+    names = list(dict.fromkeys(names))
     tokens = {name: name for name in names if _token(name) == name}
     taken = set(tokens)
     changed = []

@@ -94,9 +94,11 @@ def test_one_name_in_the_model_may_be_several_sensors_each_with_its_own_settings
 
 
 def test_a_sensor_can_be_left_out_and_nothing_need_be_found():
-    assert topics(world_of(torso={"enabled": False})) == {"field/magnetic_field", "eye/range"}
+    assert topics(world_of(torso={"enabled": False})) == {
+        "field/magnetic_field", "eye/range", "odd_torque/values",
+    }  # fmt: skip
     assert topics(world_of(torso={"enabled": False, "type": "pose"}, field=None)) == {
-        "torso/imu", "field/magnetic_field", "eye/range",
+        "torso/imu", "field/magnetic_field", "eye/range", "odd_torque/values",
     }  # fmt: skip
     assert topics(world_of(discover=[], hinge_pos={"type": "scalar"})) == {"hinge_pos/value"}
 
@@ -119,11 +121,11 @@ def test_a_sensor_that_lacks_a_part_is_named_once(caplog):
         ({"wrist": {"type": "fts"}}, ["fts 'wrist': unknown torque 'wrist_torque'"]),
         (
             {"wrist": {"type": "fts", "torque": "odd_torque"}},
-            ["fts 'wrist': 'odd_torque' is a user of 3 numbers, and a torque is needed"],
+            ["fts 'wrist': 'odd_torque' has type user and 3 numbers, and a torque is needed"],
         ),
         (
             {"torso": {"type": "imu", "gyro": "hinge_pos"}},
-            ["imu 'torso': 'hinge_pos' is a jointpos of 1 number, and a gyro is needed"],
+            ["imu 'torso': 'hinge_pos' has type jointpos and 1 number, and a gyro is needed"],
         ),
         ({"hinge_pos": {"type": "vector"}}, ["one of 3 numbers is needed"]),
         ({"torso": {"rate": 5.0}}, ["sensor 'torso' can be pose or imu; give its type"]),

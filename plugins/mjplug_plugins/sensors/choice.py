@@ -77,7 +77,8 @@ def _made(
     names = {}
     for part in KINDS[kind].parts:
         given: str | None = getattr(settings, part.role)
-        usual = f"{base}_{part.role}"
+        candidates = [f"{base}_{ending}" for ending in part.endings]
+        usual = next((candidate for candidate in candidates if candidate in there), candidates[0])
         if given is not None or not part.optional or usual in there:
             names[part.role] = given if given is not None else usual
     return assemble(name, kind, names, there)

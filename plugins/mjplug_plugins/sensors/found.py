@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import mujoco
 
-from mjplug.plugin import PluginError, UnknownName
+from mjplug.plugin import PluginError, UnknownName, lidar_sensors, object_names
 from mjplug_plugins.sensors.kinds import KINDS, SENSOR_NAMES, Kind, KindName, Part
 
 _RAY_NAME = re.compile(r".+-\d+", re.ASCII)
@@ -15,13 +15,15 @@ _RAY_NAME = re.compile(r".+-\d+", re.ASCII)
 _UNTYPED = {"user", "plugin"}
 """Their numbers are whatever their makers say, so nobody should guess."""
 
+_QUATERNIONS = {"framequat", "ballquat"}
+
 
 @dataclass(frozen=True, slots=True)
 class Source:
     """One MJCF sensor.
 
     Attributes:
-        name: Its name.
+        name: Its name, or `sensor_<id>` if it has none.
         sensor: Its id.
         type: Its type, as MJCF calls it.
         begin: Where its numbers begin in `sensordata`.
@@ -37,6 +39,11 @@ class Source:
     size: int
     noise: float
     cutoff: float
+
+    @property
+    def is_quaternion(self) -> bool:
+        """Whether its four numbers are a turn (w, x, y, z)."""
+        return self.type in _QUATERNIONS
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +61,11 @@ class Sensor:
 
 
 def sources(model: mujoco.MjModel) -> dict[str, Source]:
-    """Returns the MJCF sensors that have a name."""
+    """Returns the MJCF sensors, but those that stand for a lidar; one without a name is called `sensor_<id>`."""
+    lidars = lidar_sensors(model)
     found = {}
-    for sensor in range(model.nsensor):
-        if name := mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor):
+    for sensor, name in enumerate(object_names(model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", model.nsensor)):
+        if name not in lidars:
             kind, size = SENSOR_NAMES[int(model.sensor_type[sensor])], int(model.sensor_dim[sensor])
             begin, noise = int(model.sensor_adr[sensor]), float(model.sensor_noise[sensor])
             found[name] = Source(name, sensor, kind, begin, size, noise, float(model.sensor_cutoff[sensor]))
@@ -85,9 +93,8 @@ def assemble(name: str, kind: KindName, names: Mapping[str, str], there: Mapping
             same = [other.name for other in there.values() if _fits(part, other)]
             wrong.append(str(UnknownName(part.type or "sensor", names[part.role], same)))
         elif not _fits(part, source):
-            wanted = f"a {part.type}" if part.type else f"one of {part.size} number{'s' * (part.size > 1)}"
-            numbers = f" of {source.size} number{'s' * (source.size > 1)}"
-            wrong.append(f"{source.name!r} is a {source.type}{numbers}, and {wanted} is needed")
+            numbers = f"{source.size} number{'s' * (source.size != 1)}"
+            wrong.append(f"{source.name!r} has type {source.type} and {numbers}, and {part.described} is needed")
         else:
             parts[part.role] = source
     if wrong:
@@ -118,13 +125,13 @@ def discovered(
                 if not lacking:
                     sensors.append(Sensor(base, name, parts))
                 elif name != "pose":
-                    need = " and ".join(f"a {part.type} named {base}_{part.role}" for part in lacking)
+                    need = " and ".join(f"{part.described} named {_usual_names(base, part)}" for part in lacking)
                     incomplete[name, base] = f"{name} {base!r} needs {need}"
     for sensor in sensors:
         taken |= {source.name for source in sensor.parts.values()}
     for name in dict.fromkeys(kinds):
         if not KINDS[name].composed:
-            sensors += _single(name, KINDS[name].parts[0], there, taken)
+            sensors += _single(name, there, taken)
     sensors.sort(key=lambda sensor: sensor.main.sensor)
     return sensors, incomplete
 
@@ -132,23 +139,33 @@ def discovered(
 def _groups(kind: Kind, there: Mapping[str, Source]) -> dict[str, dict[str, Source]]:
     """Returns the parts that there are, by what their names have in common; an optional part makes no sensor."""
     groups: dict[str, dict[str, Source]] = {}
-    for part in kind.parts:
+    for part, ending in ((part, ending) for part in kind.parts for ending in part.endings):
         for source in there.values():
-            base = source.name.removesuffix(f"_{part.role}")
+            base = source.name.removesuffix(f"_{ending}")
             if base and base != source.name and _fits(part, source) and (not part.optional or base in groups):
-                groups.setdefault(base, {})[part.role] = source
+                groups.setdefault(base, {}).setdefault(part.role, source)
     return groups
 
 
-def _single(kind: KindName, part: Part, there: Mapping[str, Source], taken: set[str]) -> Iterator[Sensor]:
-    """Yields the sensors of one part; of `scalar` and `vector`, those that nothing else is made of."""
-    others = {other.parts[0].type for other in KINDS.values() if not other.composed}
+def _usual_names(base: str, part: Part) -> str:
+    return " or ".join(f"{base}_{ending}" for ending in part.endings)
+
+
+def _single(kind: KindName, there: Mapping[str, Source], taken: set[str]) -> Iterator[Sensor]:
+    """Yields the sensors of one part that belong to a kind, but those that something is made of."""
     for source in there.values():
-        if not _fits(part, source) or _RAY_NAME.fullmatch(source.name):
-            continue
-        if part.type is not None or not (source.type in _UNTYPED | others or source.name in taken):
-            yield Sensor(source.name, kind, {part.role: source})
+        ray = source.type == "rangefinder" and _RAY_NAME.fullmatch(source.name)
+        if not ray and source.name not in taken and _kind_of(source) == kind:
+            yield Sensor(source.name, kind, {KINDS[kind].parts[0].role: source})
+
+
+def _kind_of(source: Source) -> KindName:
+    """Returns the kind that a sensor alone is of: that of its type, else that of its size, else an array."""
+    single = [(name, kind.parts[0]) for name, kind in KINDS.items() if not kind.composed]
+    typed = (name for name, part in single if part.type is not None and _fits(part, source))
+    sized = (name for name, part in single if part.type is None and part.size is not None and _fits(part, source))
+    return next(typed, None) or (next(sized, None) if source.type not in _UNTYPED else None) or "array"
 
 
 def _fits(part: Part, source: Source) -> bool:
-    return source.size == part.size and part.type in (None, source.type)
+    return part.size in (None, source.size) and part.type in (None, source.type)

@@ -32,7 +32,7 @@ def frame_of(model: mujoco.MjModel, sensor: Sensor, world: str) -> str:
     if sensor.kind == "rangefinder":
         # A Range looks along x, a site along z, so the site's frame will not do.
         return f"{source.name}_frame"
-    if source.type not in _IN_THE_WORLD:
+    if source.type not in _IN_THE_WORLD and sensor.kind != "orientation":
         kind, which = int(model.sensor_objtype[source.sensor]), int(model.sensor_objid[source.sensor])
         return _name(model, kind, which) or sensor.name
     reference = int(model.sensor_refid[source.sensor])

@@ -6,7 +6,9 @@ from typing import Literal
 
 import mujoco
 
-KindName = Literal["imu", "fts", "pose", "magnetometer", "rangefinder", "touch", "scalar", "vector"]
+KindName = Literal[
+    "imu", "fts", "pose", "magnetometer", "rangefinder", "touch", "orientation", "scalar", "vector", "array"
+]
 
 SENSOR_NAMES = {
     int(value): name.removeprefix("mjSENS_").lower()
@@ -23,14 +25,28 @@ class Part:
     Attributes:
         role: What the configuration calls it.
         type: Its type in MJCF; None is any with `size` numbers.
-        size: How many numbers it has.
+        size: How many numbers it has; None is any number of them.
         optional: Whether the others make a sensor without it.
+        other_endings: What its name may end with in place of the role, where the role does not occur.
     """
 
     role: str
     type: str | None
-    size: int = 3
+    size: int | None = 3
     optional: bool = False
+    other_endings: tuple[str, ...] = ()
+
+    @property
+    def endings(self) -> tuple[str, ...]:
+        """What its name may end with after `_`, the usual one first."""
+        return (self.role, *self.other_endings)
+
+    @property
+    def described(self) -> str:
+        """What it is, with an article, for sentences."""
+        if self.type is not None:
+            return f"{'an' if self.type[0] in 'aeiou' else 'a'} {self.type}"
+        return f"one of {self.size} number{'s' * (self.size != 1)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +73,11 @@ _COVARIANCES = ("orientation_covariance", "angular_velocity_covariance", "linear
 
 KINDS: Mapping[KindName, Kind] = {
     "imu": Kind(
-        (Part("gyro", "gyro"), Part("accel", "accelerometer"), Part("quat", "framequat", 4, optional=True)),
+        (
+            Part("gyro", "gyro"),
+            Part("accel", "accelerometer", other_endings=("acc",)),
+            Part("quat", "framequat", 4, optional=True),
+        ),
         "imu",
         frozenset(_COVARIANCES),
     ),
@@ -72,8 +92,10 @@ KINDS: Mapping[KindName, Kind] = {
         frozenset({"min_range", "max_range", "field_of_view", "radiation"}),
     ),
     "touch": Kind((Part("sensor", "touch", 1),), "touch"),
+    "orientation": Kind((Part("sensor", "framequat", 4),), "orientation"),
     "scalar": Kind((Part("sensor", None, 1),), "value"),
     "vector": Kind((Part("sensor", None, 3),), "vector"),
+    "array": Kind((Part("sensor", None, None),), "values"),
 }
 
 OWN_OPTIONS = frozenset(option for kind in KINDS.values() for option in kind.options) | frozenset(

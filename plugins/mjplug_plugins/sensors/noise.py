@@ -38,7 +38,7 @@ class Noise:
         self._random = np.random.Generator(self._bits)
         self.values = {role: np.zeros(source.size) for role, source in sensor.parts.items()}
         # A turn has three degrees of freedom, though a quaternion has four numbers.
-        free = [3 if source.size == 4 else source.size for source in sensor.parts.values()]
+        free = [3 if source.is_quaternion else source.size for source in sensor.parts.values()]
         self._noise = np.zeros(sum(free))
         self._deviations = np.repeat([source.noise for source in sensor.parts.values()], free)
         shares = np.split(self._noise, np.cumsum(free)[:-1])
@@ -65,7 +65,7 @@ class Noise:
 
 def _adder(source: Source) -> Callable[[Source, Array, Array, Array], object]:
     """Returns what writes the exact numbers with noise into an array: it gets source, exact, noise and the array."""
-    if source.size == 4:
+    if source.is_quaternion:
         return _turn
     if source.type == "rangefinder":
         return _add_to_distance

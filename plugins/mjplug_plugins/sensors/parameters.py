@@ -93,7 +93,7 @@ class SensorsParameters(Parameters):
 
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time, of every sensor [Hz].")
     discover: tuple[KindName, ...] = Field(
-        default=("imu", "fts", "pose", "magnetometer", "rangefinder", "touch"),
+        default=("imu", "fts", "pose", "magnetometer", "rangefinder", "touch", "orientation", "array"),
         strict=False,
         description="Kinds of sensors that are found in the model; `scalar` and `vector` may be added.",
     )

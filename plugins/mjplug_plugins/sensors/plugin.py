@@ -1,9 +1,8 @@
 """The plugin: prepares the message of each sensor, and publishes it when it is due."""
 
-import re
 from collections import defaultdict
 
-from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher
+from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher, ros_tokens
 from mjplug_plugins.sensors.choice import chosen
 from mjplug_plugins.sensors.exact import exact_values
 from mjplug_plugins.sensors.found import Sensor
@@ -31,10 +30,12 @@ class Sensors(Plugin[SensorsParameters]):
         seed = int(host.random.integers(2**63))
         rates: dict[float, list[_Reading]] = defaultdict(list)
         topics: dict[str, str] = {}
+        tokens = ros_tokens((sensor.name for sensor, settings in sensors if not settings.topic), "sensor", host.logger)
         for sensor, settings in sensors:
             if wrong := disagreement(host.model, sensor):
                 host.logger.warning("%s: the message is in the frame of the first", wrong)
-            reading = _Reading(host, sensor, _complete(settings, parameters), parameters.world_frame, seed)
+            topic = settings.topic or f"{tokens[sensor.name]}/{KINDS[sensor.kind].topic}"
+            reading = _Reading(host, sensor, topic, _complete(settings, parameters), parameters.world_frame, seed)
             if reading.topic in topics:
                 raise PluginError(
                     f"sensors {topics[reading.topic]!r} and {sensor.name!r} both have the topic {reading.topic}; give "
@@ -54,9 +55,10 @@ class _Reading:
         publisher: Where its messages go.
     """
 
-    def __init__(self, host: Host, sensor: Sensor, settings: SensorParameters, world: str, seed: int) -> None:
+    def __init__(
+        self, host: Host, sensor: Sensor, topic: str, settings: SensorParameters, world: str, seed: int
+    ) -> None:
         self._host = host
-        topic = settings.topic or f"{_as_name(sensor.name)}/{KINDS[sensor.kind].topic}"
         self.topic = host.full_name(topic)
         self.publisher: Publisher[Message] = host.create_publisher(TYPES[sensor.kind], topic)
         exact = exact_values(host.model, host.data, sensor)
@@ -103,9 +105,3 @@ def _complete(settings: SensorParameters, parameters: SensorsParameters) -> Sens
             "field_scale": parameters.field_scale if settings.field_scale is None else settings.field_scale,
         }
     )
-
-
-def _as_name(name: str) -> str:
-    """Returns a name of the model as a part of a topic's name may be: letters, digits and `_`, no digit first."""
-    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return f"_{plain}" if plain[0].isdigit() else plain

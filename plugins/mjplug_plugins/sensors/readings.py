@@ -13,10 +13,10 @@ from mjplug.plugin import CdrFrame
 from mjplug_plugins.sensors.found import Sensor
 from mjplug_plugins.sensors.kinds import KindName
 from mjplug_plugins.sensors.parameters import SensorParameters
-from mjplug_schemas.geometry_msgs import PoseStamped, Vector3Stamped, WrenchStamped
+from mjplug_schemas.geometry_msgs import PoseStamped, QuaternionStamped, Vector3Stamped, WrenchStamped
 from mjplug_schemas.message import Message
 from mjplug_schemas.sensor_msgs import Imu, MagneticField, Range
-from mjplug_schemas.std_msgs import Float64, Header
+from mjplug_schemas.std_msgs import Float64, Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 Array = NDArray[np.float64]
 Fill = Callable[[], object]
@@ -36,8 +36,10 @@ TYPES: Mapping[KindName, type[Message]] = {
     "magnetometer": MagneticField,
     "rangefinder": Range,
     "touch": Float64,
+    "orientation": QuaternionStamped,
     "scalar": Float64,
     "vector": Vector3Stamped,
+    "array": Float64MultiArray,
 }
 
 STAMPED = frozenset(kind for kind, type in TYPES.items() if "header" in type.model_fields)
@@ -86,6 +88,10 @@ def message_of(sensor: Sensor, settings: SensorParameters, frame: str, cutoff: f
             max_range=max_range(settings, cutoff),
             variance=sensor.main.noise**2 if noisy else 0.0,
         )
+    if sensor.kind == "array":
+        size = sensor.main.size
+        layout = MultiArrayLayout(dim=(MultiArrayDimension(label=sensor.main.type, size=size, stride=size),))
+        return Float64MultiArray(layout=layout, data=(0.0,) * size)
     type = TYPES[sensor.kind]
     return type.model_validate({"header": header} if sensor.kind in STAMPED else {})
 
@@ -144,6 +150,8 @@ def _copies(
     if sensor.kind == "rangefinder":
         bounds = settings.min_range or 0.0, max_range(settings, cutoff)
         return [partial(_write_range, values["sensor"], *bounds, view("range"))]
+    if sensor.kind == "orientation":
+        return [_quaternion(values["sensor"], view("quaternion"))]
     return [_copy(values["sensor"], view("vector" if sensor.kind == "vector" else "data"))]
 
 
