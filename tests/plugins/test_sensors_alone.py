@@ -23,7 +23,7 @@ ROBOT = """
       <site name="imu" euler="10 0 70"/>
       <body name="head" pos="0 0 .2" euler="0 50 0"><joint name="neck" type="ball"/><geom size=".06" pos=".05 0 0"/>
         <site name="eye"/></body></body>
-    <body name="ball" pos="1 0 .055"><freejoint/><geom size=".06"/><site name="skin"/></body>
+    <body name="ball" pos="1 0 .055"><freejoint/><geom size=".06"/><site name="skin" size=".1"/></body>
   </worldbody>
   <sensor>
     <framequat name="imu_quat" objtype="site" objname="imu"/>
