@@ -12,6 +12,7 @@ import mujoco
 
 from mjplug.core import lidar_extension, urdf
 from mjplug.core.model_location import SUFFIXES, locate
+from mjplug.core.model_text import check_names, message_of
 from mjplug.errors import ModelError
 
 _MJB_HEADER = struct.Struct("=4i")
@@ -43,7 +44,7 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
         environ: Where ROS packages are looked for.
 
     Raises:
-        ModelError: The file does not exist, cannot be read, or MuJoCo refuses it.
+        ModelError: The file does not exist, cannot be read, or MuJoCo refuses it; or a name in it is not UTF-8.
     """
     path = locate(uri, folders, environ)
     try:
@@ -52,8 +53,9 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
     except OSError as error:
         raise ModelError(f"{error.filename or path} cannot be read: {error.strerror}") from error
     except (ValueError, mujoco.FatalError, zipfile.BadZipFile) as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        lines = [line.strip() for line in message_of(error).splitlines() if line.strip()]
         raise ModelError(f"{path}: {'; '.join(lines).replace(':;', ':')}") from error
+    check_names(model, path)
     name = bytes(model.names).partition(b"\0")[0].decode()
     return LoadedModel(model, path.stem if name in ("", _UNNAMED) else name, path)
 
@@ -100,7 +102,7 @@ def _compile(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
     try:
         return _compile_as_it_is(path, environ)
     except ValueError as error:
-        if lidar_extension.PLUGIN not in str(error):
+        if lidar_extension.PLUGIN not in message_of(error):
             raise
     main = os.path.abspath(path)
     files = lidar_extension.overlay(main, lambda name: Path(name).read_bytes() if os.path.isfile(name) else None)
