@@ -40,8 +40,8 @@ def _section(section: BaseModel, model: mujoco.MjModel) -> Iterator[str]:
     for name, field in type(section).model_fields.items():
         yield from _comment(field.description, "  ")
         if name == "keyframe" and model.nkey:
-            names = (model.key(i).name for i in range(model.nkey))
-            yield f"#   # The model has: {', '.join(name for name in names if name)}."
+            names = (model.key(i).name or str(i) for i in range(model.nkey))
+            yield f"#   # The model has: {', '.join(names)}."
         yield f"#   {name}: {scalar(field.default)}"
 
 

@@ -123,8 +123,8 @@ def _cameras(model: mujoco.MjModel) -> Table:
 
 def _keyframes(model: mujoco.MjModel) -> Table:
     return [
-        ["name", "time"],
-        *([_name(model.key(i).name, i), float(model.key_time[i])] for i in range(model.nkey)),
+        ["name", "index", "time"],
+        *([_name(model.key(i).name, i), i, float(model.key_time[i])] for i in range(model.nkey)),
     ]
 
 

@@ -38,7 +38,9 @@ def serve(
     ],
     model: Annotated[str | None, typer.Option(help="The model, in place of the one in the file.")] = None,
     paused: Annotated[bool, typer.Option("--paused", help="Start paused.")] = False,
-    keyframe: Annotated[str | None, typer.Option(help="Start from this keyframe of the model.")] = None,
+    keyframe: Annotated[
+        str | None, typer.Option(help="Start from this keyframe of the model: its name or index.")
+    ] = None,
     speed: Annotated[str | None, typer.Option(metavar="FACTOR|max", help="Real-time factor, or max.")] = None,
     listen: Annotated[
         list[str] | None,

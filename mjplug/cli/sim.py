@@ -94,7 +94,9 @@ def step(
 @connected
 def reset(
     client: "Client",
-    keyframe: Annotated[str, typer.Option("--keyframe", "-k", help="Reset to this keyframe of the model.")] = "",
+    keyframe: Annotated[
+        str, typer.Option("--keyframe", "-k", help="Reset to this keyframe of the model: its name or index.")
+    ] = "",
 ) -> None:
     """Puts the world back to where it began, or to a keyframe.
 

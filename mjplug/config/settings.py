@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from mjplug.config.endpoint import check_endpoint
 from mjplug_schemas.names import normalize_namespace, validate_name, validate_node_name
@@ -23,6 +23,18 @@ FullName = Annotated[str, AfterValidator(_full_name)]
 Endpoints = Annotated[tuple[Annotated[str, AfterValidator(check_endpoint)], ...], Field(strict=False)]
 
 
+def _index_as_text(keyframe: object) -> object:
+    return str(keyframe) if type(keyframe) is int and keyframe >= 0 else keyframe
+
+
+Keyframe = Annotated[
+    str,
+    BeforeValidator(_index_as_text),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]}),
+]
+"""A keyframe's name, or its index, which YAML reads as a number."""
+
+
 class Section(BaseModel):
     """A part of the configuration: no unknown keys, and every scalar of exactly its type, though an int is a float."""
 
@@ -36,7 +48,9 @@ class Sim(Section):
         1.0, description="Real-time factor, above 0; `max` runs as fast as possible."
     )
     paused: bool = Field(False, description="Whether to start paused.")
-    keyframe: str = Field("", description="Name of the keyframe to start from; empty means the model's default pose.")
+    keyframe: Keyframe = Field(
+        "", description="Name or index of the keyframe to start from; empty means the model's default pose."
+    )
     start_position_file: str = Field(
         "", description="An XML file `<key qpos=… qvel=… ctrl=…/>` with the state to start from, not a keyframe."
     )

@@ -58,7 +58,7 @@ def validate(simulation: Simulation, keyframe: str, overrides: SimulationState) 
 
     Args:
         simulation: Whose model the names mean.
-        keyframe: Name of a keyframe; empty means the initial state.
+        keyframe: Name or index of a keyframe; empty means the initial state.
         overrides: What to change on top of it.
 
     Raises:

@@ -16,6 +16,7 @@ from mjplug.core.velocity import VelocityHold
 from mjplug.errors import MjplugError, ModelError, UnknownName
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_MOST_DIGITS = 10
 _QPOS = int(mujoco.mjtWarning.mjWARN_BADQPOS)
 _QVEL = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _QACC = int(mujoco.mjtWarning.mjWARN_BADQACC)
@@ -36,7 +37,7 @@ class Simulation:
 
     Args:
         model: The compiled model; its AUTORESET flag is cleared.
-        keyframe: Name of the keyframe to start from; empty means the model's default pose.
+        keyframe: Name or index of the keyframe to start from; empty means the model's default pose.
 
     Raises:
         UnknownName: There is no such keyframe.
@@ -173,16 +174,27 @@ class Simulation:
         self._kinematics_current = False
 
     def keyframes(self) -> list[str]:
-        """Returns the names of the model's keyframes."""
-        return self._names(mujoco.mjtObj.mjOBJ_KEY, self.model.nkey)
+        """Returns what each of the model's keyframes is called: its name, or its index if it has none."""
+        names = (mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_KEY, i) for i in range(self.model.nkey))
+        return [name or str(index) for index, name in enumerate(names)]
 
     def keyframe_id(self, name: str) -> int:
         """Returns the id of a keyframe.
 
+        Args:
+            name: Its name, or its index, such as `0`. A keyframe that has a number as its name goes before the one
+                that has it as its index.
+
         Raises:
-            UnknownName: There is none of that name.
+            UnknownName: There is no such keyframe.
         """
-        return self._id(mujoco.mjtObj.mjOBJ_KEY, "keyframe", name, self.model.nkey)
+        found = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_KEY, name) if name and "\0" not in name else -1
+        if found >= 0:
+            return int(found)
+        # More digits would be no index of a keyframe, and take long to convert.
+        if name.isascii() and name.isdecimal() and len(name) < _MOST_DIGITS and int(name) < self.model.nkey:
+            return int(name)
+        raise UnknownName("keyframe", name, self.keyframes())
 
     def body_id(self, name: str) -> int:
         """Returns the id of a body; `world` is 0.

@@ -92,7 +92,7 @@ def test_the_tables_of_a_model_are_readable(ask):
     assert re.search(r"^  gripper_left_finger_joint +tendon +gripper +-0\.045 0\.005 +1$", text, re.MULTILINE)
     assert (
         ask("model", "info", "bundled:arm", "keyframes")
-        == "keyframes\n  name      time\n  home      0\n  start_90  0\n"
+        == "keyframes\n  name      index  time\n  home      0      0\n  start_90  1      0\n"
     )
     assert ask("model", "info", "bundled:arm", "counts").startswith("arm (")
 
