@@ -114,7 +114,7 @@ def _compile_as_it_is(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
     if suffix == ".mjb":
         return mujoco.MjModel.from_binary_path(str(path))
     if suffix == ".urdf":
-        found = urdf.with_meshes(path, environ)
+        found = urdf.prepared(path, environ)
         if found is not None:
             return mujoco.MjModel.from_xml_string(found.xml, found.assets)
     return mujoco.MjModel.from_xml_path(str(path))

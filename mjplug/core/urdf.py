@@ -1,4 +1,4 @@
-"""Finds the meshes of a URDF the way ROS does; MuJoCo takes `package://` for a folder of that name."""
+"""Prepares a URDF for MuJoCo: keeps all links, and finds meshes the way ROS does."""
 
 import os
 from collections.abc import Collection, Mapping
@@ -25,18 +25,22 @@ class Urdf:
     assets: dict[str, bytes]
 
 
-def with_meshes(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None:
+def prepared(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None:
     """Reads a URDF and its meshes.
 
-    MuJoCo calls a mesh like its file and takes the second file of a name for the first, as in `visual/link.stl` and
-    `collision/link.stl`; so every file gets a name of its own here.
+    MuJoCo merges links without a joint that moves into their parents, the root into the world, so that their frames
+    are gone. Here they stay, unless the URDF's own `<mujoco><compiler fusestatic="true"/></mujoco>` says otherwise.
+
+    MuJoCo takes `package://` for a folder of that name; here packages are looked up. MuJoCo calls a mesh like its file
+    and takes the second file of a name for the first, as in `visual/link.stl` and `collision/link.stl`; so every file
+    gets a name of its own here.
 
     Args:
         path: The URDF.
         environ: Where packages are looked for; the folders around the URDF are tried besides.
 
     Returns:
-        None for text that is no URDF, or has no mesh to be found: MuJoCo can read it from the file.
+        None for text that is no URDF: MuJoCo can say what it is, or read it from the file.
 
     Raises:
         ModelError: A mesh does not exist, or is of a kind that MuJoCo does not read.
@@ -44,15 +48,16 @@ def with_meshes(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | N
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     try:
         root = ElementTree.parse(path, parser).getroot()
-    except ElementTree.ParseError:
+    except (ElementTree.ParseError, LookupError, ValueError):
+        # LookupError and ValueError are about encodings that are unknown, or of several bytes.
         return None
-    compiler = root.find("mujoco/compiler")
-    options = compiler.attrib if compiler is not None else {}
+    if root.tag != "robot":
+        return None
+    options = _compiler(root).attrib
+    options.setdefault("fusestatic", "false")
     # MuJoCo drops the visual geoms of a URDF unless told otherwise, and never opens their meshes.
     kinds = ("collision", "visual") if options.get("discardvisual") == "false" else ("collision",)
     meshes = [mesh for kind in kinds for mesh in root.findall(f"link/{kind}/geometry/mesh") if mesh.get("filename")]
-    if root.tag != "robot" or not meshes:
-        return None
     names: dict[Path, str] = {}
     for mesh in meshes:
         file = _find(mesh.get("filename", ""), path, options, environ)
@@ -63,6 +68,15 @@ def with_meshes(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | N
     return Urdf(
         ElementTree.tostring(root, encoding="unicode"), {name: file.read_bytes() for file, name in names.items()}
     )
+
+
+def _compiler(root: ElementTree.Element) -> ElementTree.Element:
+    """Returns the element with MuJoCo's options of a URDF, which is added if there is none."""
+    extension = root.find("mujoco")
+    if extension is None:
+        extension = ElementTree.SubElement(root, "mujoco")
+    compiler = extension.find("compiler")
+    return ElementTree.SubElement(extension, "compiler") if compiler is None else compiler
 
 
 def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mapping[str, str]) -> Path:
@@ -80,10 +94,15 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
                 return (beside / Path(filename).name).resolve()
             raise ModelError(f"{urdf}: {error}, nor in a folder around the URDF") from None
     name = filename.removeprefix("file://")
-    file = beside / (Path(name).name if options.get("strippath") == "true" else name)
-    if not file.is_file():
-        raise ModelError(f"{urdf}: there is no mesh {str(file)!r}")
-    return file.resolve()
+    # MuJoCo strips the folders of a URDF's meshes unless told otherwise; other programs count them from the URDF.
+    ways = [beside / name, folder / name, beside / Path(name).name]
+    strip = options.get("strippath")
+    candidates = ways[2:] if strip == "true" else ways[:2] if strip == "false" else ways
+    for file in candidates:
+        if file.is_file():
+            return file.resolve()
+    others = f", nor {str(candidates[1])!r}" if len(dict.fromkeys(candidates[:2])) > 1 else ""
+    raise ModelError(f"{urdf}: there is no mesh {str(candidates[0])!r}{others}")
 
 
 def _free_name(file: Path, taken: Collection[str]) -> str:

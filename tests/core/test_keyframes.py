@@ -24,7 +24,7 @@ KEYS = """
 POSITIONS = {"0": 0.3, "1": 0.2, "2": 0.3, "3": 0.4, "up": 0.2, "03": 0.4}
 """The third keyframe is called 0, so the first has no way to be named."""
 
-UNKNOWN = ["4", "-1", "1.0", "1 ", " 1", "+1", "١", "²", "0x1", "9" * 5000, "U", "\0", "0\0"]
+UNKNOWN = ["4", "-1", "1.0", "1 ", " 1", "+1", "\u0661", "²", "0x1", "9" * 5000, "U", "\0", "0\0"]
 
 
 @pytest.fixture

@@ -139,7 +139,8 @@ def discovered(
 def _groups(kind: Kind, there: Mapping[str, Source]) -> dict[str, dict[str, Source]]:
     """Returns the parts that there are, by what their names have in common; an optional part makes no sensor."""
     groups: dict[str, dict[str, Source]] = {}
-    for part, ending in ((part, ending) for part in kind.parts for ending in part.endings):
+    endings = [(part, ending) for part in kind.parts for ending in part.endings]
+    for part, ending in endings:
         for source in there.values():
             base = source.name.removesuffix(f"_{ending}")
             if base and base != source.name and _fits(part, source) and (not part.optional or base in groups):
