@@ -1,7 +1,8 @@
 """What the camera process does: draws what somebody listens to, and publishes it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from logging import Logger
 from typing import Any
 
@@ -65,6 +66,7 @@ class CameraWork(Work):
         self._views = tuple(views)
         self._look = look
         self._renderer: Renderer | None = None
+        self._makers: dict[str, Callable[[], Picture]] = {}
         self._pictures: dict[str, Picture] = {}
 
     def open(self, model: mujoco.MjModel, publishers: Sequence[Publisher[Any]], logger: Logger) -> str:
@@ -74,8 +76,9 @@ class CameraWork(Work):
         renderer = self._renderer = Renderer(model, *size, look.quality, look.geom_groups, look.site_groups)
         remaining = iter(publishers)
         depths = Depths(look.background, renderer.far)
-        self._pictures = {
-            view.name: Picture(view, Topics.of(view, remaining), model, depths, look.jpeg_quality)
+        # Images may be large and cameras many, so the memory for a camera is taken when it is first drawn.
+        self._makers = {
+            view.name: partial(Picture, view, Topics.of(view, remaining), model, depths, look.jpeg_quality)
             for view in self._views
         }
         self._logger = logger
@@ -91,9 +94,11 @@ class CameraWork(Work):
         asked = {camera_of(task) for task in job.tasks if task.startswith(_TRIGGER)}
         due = asked | {camera_of(task) for task in job.tasks}
         report = {}
-        for name, picture in self._pictures.items():
+        for name, make in self._makers.items():
             if name in due:
-                report[name] = picture.publish(self._renderer, data, job.time_ns, name in asked)
+                if name not in self._pictures:
+                    self._pictures[name] = make()
+                report[name] = self._pictures[name].publish(self._renderer, data, job.time_ns, name in asked)
         if self._renderer.truncated and not self._complained:
             self._complained = True
             self._logger.warning("there are more objects than can be drawn; some are missing in the images")
