@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import signal
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,17 @@ class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name al
     def __init__(self, kind: str, name: str, allowed: Iterable[str]) -> None:
         names = sorted(n for n in allowed if n)
         super().__init__(f"unknown {kind} {quoted(name)}{did_you_mean(name, names)}; {_listing(kind, names)}")
+
+
+def is_fault(error: BaseException) -> bool:
+    """Whether an exception out of a plugin's code is a failure of the plugin, which must not end the process.
+
+    `sys.exit()` is one. KeyboardInterrupt is one too, unless Python's own handler of SIGINT is in place, as in a script
+    that runs a server: then it is the user's Ctrl-C.
+    """
+    if isinstance(error, KeyboardInterrupt):
+        return signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+    return isinstance(error, Exception | SystemExit)
 
 
 def did_you_mean(name: str, allowed: Iterable[str]) -> str:

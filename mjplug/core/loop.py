@@ -61,7 +61,7 @@ class Loop:
         on_divergence: OnDivergence = "pause",
     ) -> None:
         self.simulation = simulation
-        self.scheduler = Scheduler()
+        self.scheduler = Scheduler(lambda: simulation.step)
         self.steppers = Steppers(simulation)
         self.inbox = Inbox()
         self.pacer = Pacer(simulation.time, speed)
@@ -88,7 +88,7 @@ class Loop:
         try:
             result = handler(call.request, call)
             if isinstance(result, Generator):
-                self.scheduler.start(result, call, self.simulation.step, owner)
+                self.scheduler.start(result, call, owner)
             else:
                 call.respond(result)
         except RequestError as error:

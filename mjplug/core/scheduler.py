@@ -7,11 +7,14 @@ from collections.abc import Callable, Generator
 from fractions import Fraction
 from typing import Protocol
 
-from mjplug.errors import RequestError
+from mjplug.errors import RequestError, is_fault
 from mjplug_schemas.message import Message
 
 NEVER = 1 << 62
 """A step number that is never reached."""
+
+MOST_REACHED_WAITS = 10_000
+"""Waits in a row that were over when they were yielded, after which a request is ended: it would hold up the loop."""
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +42,7 @@ class Event:
 
 
 Wait = int | Event
-"""What a slow service yields: the step number, or the event, at which it goes on."""
+"""What a slow service yields: the step number, or the event, at which it goes on; at once if that is past."""
 
 Slow = Generator[Wait, None, Message]
 """A service handler that takes simulated time: yields waits, returns the response."""
@@ -123,7 +126,9 @@ class Job:
                 self._answer.respond(stop.value)
         except RequestError as error:
             self._answer.refuse(str(error))
-        except Exception as error:
+        except BaseException as error:
+            if not is_fault(error):
+                raise
             _log.exception("a service failed while it waited")
             self._answer.refuse(f"internal error: {error!r}")
         self.done = True
@@ -136,7 +141,9 @@ class Job:
         self.done = True
         try:
             self._generator.close()
-        except Exception:
+        except BaseException as error:
+            if not is_fault(error):
+                raise
             _log.exception("a service failed while it was closed")
         self._answer.refuse(reason)
 
@@ -146,15 +153,18 @@ class Scheduler:
 
     Attributes:
         next_due: The earliest step at which something is due; NEVER if nothing is.
+
+    Args:
+        now: Returns the number of steps taken so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], int]) -> None:
         self.next_due = NEVER
+        self._now = now
         self._heap: list[tuple[int, int, Callable[[int], None]]] = []
         self._order = itertools.count()
         self._timers: dict[Timer, int] = {}
         self._jobs: dict[Job, None] = {}
-        self._step = 0
 
     @property
     def waiting(self) -> int:
@@ -190,16 +200,14 @@ class Scheduler:
             timer.due_after(step)
             self._push_timer(self._timers[timer], timer)
 
-    def start(self, generator: Slow, answer: Answer, step: int, owner: object = None) -> None:
-        """Runs a slow service, at the boundary `step`, to its first wait and keeps it until it has answered."""
+    def start(self, generator: Slow, answer: Answer, owner: object = None) -> None:
+        """Runs a slow service to its first wait and keeps it until it has answered."""
         job = Job(generator, answer, owner)
         self._jobs[job] = None
-        self._step = step
-        self._resume(job, step)
+        self._resume(job)
 
     def run_due(self, step: int) -> None:
         """Calls everything that is due at the boundary after `step` steps, in order of due step, then of creation."""
-        self._step = step
         heap = self._heap
         while heap and heap[0][0] <= step:
             _, _, run = heapq.heappop(heap)
@@ -238,15 +246,21 @@ class Scheduler:
 
         self._push(timer.due, order, fire)
 
-    def _resume(self, job: Job, step: int) -> None:
-        while not job.done:
-            wait = job.resume()
+    def _resume(self, job: Job) -> None:
+        for _ in range(MOST_REACHED_WAITS):
+            # It may have been closed since it began to wait.
+            wait = None if job.done else job.resume()
             if wait is None:
                 self._jobs.pop(job, None)
-            elif not isinstance(wait, Event):
-                # A step that has been is the next one: time goes on between two waits.
-                self._push(max(wait, step + 1), next(self._order), lambda now: self._resume(job, now))
                 return
-            elif not wait.is_set:
-                wait.when_set(lambda: self._resume(job, self._step))
+            if isinstance(wait, Event):
+                if not wait.is_set:
+                    wait.when_set(lambda: self._resume(job))
+                    return
+            elif wait > self._now():
+                self._push(wait, next(self._order), lambda _: self._resume(job))
                 return
+        self._jobs.pop(job, None)
+        reason = f"it waited {MOST_REACHED_WAITS} times in a row for what was past; a step later is `host.step + 1`"
+        _log.error("a service was ended: %s", reason)
+        job.close(f"internal error: {reason}")

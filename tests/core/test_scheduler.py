@@ -21,8 +21,20 @@ class Answers:
         self.refusals.append(reason)
 
 
+class Clocked(Scheduler):
+    """A scheduler whose clock is the boundary that it was last told of."""
+
+    def __init__(self, step=0):
+        super().__init__(lambda: self.step)
+        self.step = step
+
+    def run_due(self, step):
+        self.step = step
+        super().run_due(step)
+
+
 def test_a_100_hz_timer_at_2_ms_fires_every_5_steps_for_ever():
-    scheduler, fired, now = Scheduler(), [], 0
+    scheduler, fired, now = Clocked(), [], 0
     scheduler.every(StepTime(0.002).steps_per(0.01), lambda: fired.append(now), start=0)
     for now in range(1, 100_001):
         if scheduler.next_due <= now:
@@ -32,7 +44,7 @@ def test_a_100_hz_timer_at_2_ms_fires_every_5_steps_for_ever():
 
 @given(rate=st.integers(1, 500), timestep=st.sampled_from([0.001, 0.002, 0.005, 1 / 240, 0.0003]))
 def test_a_rate_that_does_not_divide_keeps_its_phase_and_its_mean(rate, timestep):
-    scheduler, fired = Scheduler(), []
+    scheduler, fired = Clocked(), []
     per_period = StepTime(timestep).steps_per(1 / rate)
     now = 0
     scheduler.every(per_period, lambda: fired.append(now), start=0)
@@ -75,7 +87,7 @@ def test_steps_covering_is_the_smallest_number_that_covers(duration, timestep):
 
 
 def test_timers_due_at_the_same_step_fire_in_the_order_of_their_creation():
-    scheduler, order = Scheduler(), []
+    scheduler, order = Clocked(), []
     scheduler.every(Fraction(6), lambda: order.append("a"), 0)
     scheduler.every(Fraction(2), lambda: order.append("b"), 0)
     scheduler.every(Fraction(3), lambda: order.append("c"), 0)
@@ -86,7 +98,7 @@ def test_timers_due_at_the_same_step_fire_in_the_order_of_their_creation():
 
 
 def test_a_period_below_one_step_fires_at_every_step():
-    scheduler, fired = Scheduler(), []
+    scheduler, fired = Clocked(), []
     scheduler.every(Fraction(1, 7), lambda: fired.append(1), 0)
     for step in range(1, 11):
         scheduler.run_due(step)
@@ -94,7 +106,7 @@ def test_a_period_below_one_step_fires_at_every_step():
 
 
 def test_a_cancelled_timer_fires_no_more_and_is_forgotten():
-    scheduler, fired = Scheduler(), []
+    scheduler, fired = Clocked(), []
     timer = scheduler.every(Fraction(1), lambda: fired.append(1), 0)
     scheduler.run_due(1)
     timer.cancel()
@@ -104,7 +116,7 @@ def test_a_cancelled_timer_fires_no_more_and_is_forgotten():
 
 
 def test_a_slow_service_goes_on_at_its_step_and_answers_once():
-    scheduler, answers, seen = Scheduler(), Answers(), []
+    scheduler, answers, seen = Clocked(), Answers(), []
 
     def work():
         seen.append("started")
@@ -113,7 +125,7 @@ def test_a_slow_service_goes_on_at_its_step_and_answers_once():
         yield 5
         return String(data="done")
 
-    scheduler.start(work(), answers, 0)
+    scheduler.start(work(), answers)
     assert scheduler.next_due == 3
     scheduler.run_due(2)
     assert seen == ["started"]
@@ -126,20 +138,20 @@ def test_a_slow_service_goes_on_at_its_step_and_answers_once():
 
 
 def test_a_slow_service_can_wait_for_an_event():
-    scheduler, answers, event = Scheduler(), Answers(), Event()
+    scheduler, answers, event = Clocked(), Answers(), Event()
 
     def work():
         yield event
         return String(data="heard")
 
-    scheduler.start(work(), answers, 0)
+    scheduler.start(work(), answers)
     assert not answers.responses
     event.set()
     assert answers.responses == [String(data="heard")]
 
 
 def test_closing_runs_finally_and_gives_the_reason():
-    scheduler, answers, cleaned = Scheduler(), Answers(), []
+    scheduler, answers, cleaned = Clocked(), Answers(), []
 
     def work():
         try:
@@ -147,7 +159,7 @@ def test_closing_runs_finally_and_gives_the_reason():
         finally:
             cleaned.append(True)
 
-    scheduler.start(work(), answers, 0)
+    scheduler.start(work(), answers)
     scheduler.close_jobs("stopping")
     assert cleaned == [True]
     assert answers.refusals == ["stopping"]
@@ -164,19 +176,19 @@ def test_closing_runs_finally_and_gives_the_reason():
     ],
 )
 def test_an_error_while_waiting_reaches_the_client(error, reason):
-    scheduler, answers = Scheduler(), Answers()
+    scheduler, answers = Clocked(), Answers()
 
     def work():
         yield 1
         raise error
 
-    scheduler.start(work(), answers, 0)
+    scheduler.start(work(), answers)
     scheduler.run_due(1)
     assert answers.refusals == [reason]
 
 
 def test_a_reset_restarts_the_phase_of_every_timer():
-    scheduler, fired, now = Scheduler(), [], 0
+    scheduler, fired, now = Clocked(), [], 0
     scheduler.every(Fraction(5), lambda: fired.append(now), 0)
     for now in range(1, 8):
         scheduler.run_due(now)
@@ -187,7 +199,7 @@ def test_a_reset_restarts_the_phase_of_every_timer():
 
 
 def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
-    scheduler, fired, wanted, now = Scheduler(), [], [True], 0
+    scheduler, fired, wanted, now = Clocked(), [], [True], 0
     timer = scheduler.every(Fraction(10, 3), lambda: fired.append(now), 0, wanted=lambda: wanted[0])
     for now in range(1, 8):
         scheduler.run_due(now)
@@ -206,7 +218,7 @@ def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
 
 @pytest.mark.parametrize("wrong", [None, "x", [1], 0.5, float("nan")], ids=repr)
 def test_a_service_that_yields_what_is_no_wait_is_refused_and_cleaned_up(wrong, caplog):
-    scheduler, answers, cleaned = Scheduler(), Answers(), []
+    scheduler, answers, cleaned = Clocked(), Answers(), []
 
     def work():
         try:
@@ -214,38 +226,90 @@ def test_a_service_that_yields_what_is_no_wait_is_refused_and_cleaned_up(wrong, 
         finally:
             cleaned.append(True)
 
-    scheduler.start(work(), answers, 0)
+    scheduler.start(work(), answers)
     scheduler.run_due(10)
     assert cleaned == [True]
     assert len(answers.refusals) == 1
     assert "a service yields step numbers (int) or events" in answers.refusals[0]
 
 
-def test_a_wait_for_a_step_that_has_been_goes_on_at_the_next_one():
-    scheduler, answers, seen = Scheduler(), Answers(), []
+def test_a_wait_for_a_step_that_was_reached_goes_on_at_once():
+    scheduler, answers, seen = Clocked(step=5), Answers(), []
 
     def work():
-        for _ in range(3):
-            yield 0
-            seen.append(True)
+        for step in (0, 5, 7, 7, 3, 7, 9):
+            yield step
+            seen.append((step, scheduler.step))
+        return String()
 
-    scheduler.start(work(), answers, 5)
-    scheduler.run_due(5)
-    assert seen == []
-    for step in (6, 7):
-        scheduler.run_due(step)
-    assert seen == [True, True]
+    scheduler.start(work(), answers)
+    assert seen == [(0, 5), (5, 5)]
+    scheduler.run_due(6)
+    assert seen == [(0, 5), (5, 5)]
+    scheduler.run_due(7)
+    assert seen[2:] == [(7, 7), (7, 7), (3, 7), (7, 7)]
+    scheduler.run_due(9)
+    assert answers.responses == [String()]
+
+
+def test_after_an_event_a_wait_counts_from_the_present_step():
+    scheduler, answers, event = Clocked(), Answers(), Event()
+
+    def work():
+        yield event
+        yield 40
+        return String(data="at once")
+
+    scheduler.start(work(), answers)
+    # Nothing was due meanwhile, so that the scheduler was not called.
+    scheduler.step = 50
+    event.set()
+    assert answers.responses == [String(data="at once")]
+    assert scheduler.next_due == NEVER
+
+
+def test_a_service_that_never_lets_time_go_on_is_ended(caplog):
+    scheduler, answers, cleaned = Clocked(step=3), Answers(), []
+
+    def work():
+        try:
+            while True:
+                yield 3
+        finally:
+            cleaned.append(True)
+
+    scheduler.start(work(), answers)
+    assert cleaned == [True]
+    assert answers.refusals == [
+        "internal error: it waited 10000 times in a row for what was past; a step later is `host.step + 1`"
+    ]
+    assert scheduler.waiting == 0
+    assert "a service was ended" in caplog.text
+
+
+def test_a_request_that_was_closed_is_not_resumed_by_the_event_it_waited_for():
+    scheduler, answers, event = Clocked(), Answers(), Event()
+
+    def work():
+        yield event
+        return String()
+
+    scheduler.start(work(), answers)
+    scheduler.close_jobs("stopping")
+    event.set()
+    assert answers.refusals == ["stopping"]
+    assert not answers.responses
 
 
 def test_an_owner_can_end_its_own_requests_only():
-    scheduler, mine, other = Scheduler(), Answers(), Answers()
+    scheduler, mine, other = Clocked(), Answers(), Answers()
 
     def work():
         yield 10
         return String()
 
-    scheduler.start(work(), mine, 0, owner="me")
-    scheduler.start(work(), other, 0, owner="you")
+    scheduler.start(work(), mine, owner="me")
+    scheduler.start(work(), other, owner="you")
     scheduler.close_jobs("switched off", owner="me")
     scheduler.run_due(10)
     assert mine.refusals == ["switched off"]

@@ -1,21 +1,27 @@
 """The service, the arrows, and the sum of the active wrenches at every step."""
 
-from itertools import count
+from collections.abc import Sequence
+from itertools import groupby, islice
+from operator import attrgetter
 
 from pydantic import Field
 
-from mjplug.plugin import Call, Host, Parameters, Plugin, RequestError, Slow, quoted
+from mjplug.plugin import Call, Diagnosis, Host, Parameters, Plugin, RequestError, Slow, quoted
 from mjplug_plugins.external_wrench import markers
+from mjplug_plugins.external_wrench.active import ActiveWrenches
 from mjplug_plugins.external_wrench.wrench import Wrench, parse
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.visualization_msgs import MarkerArray
 
 MOST_WRENCHES = 1000
-"""Wrenches that may act at the same time; each costs a few microseconds a step."""
+"""Wrenches that may act at the same time."""
 
 MARKER_RATE = 30.0
 """Markers per second of simulated time while a wrench is active [Hz]."""
+
+MOST_SHOWN = 50
+"""Wrenches that have arrows at the same time: the physics thread makes the markers, at about 50 µs a wrench."""
 
 
 class ExternalWrenchParameters(Parameters):
@@ -37,35 +43,36 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         """Declares the service and the markers."""
         self._host = host
         self._parameters = parameters
-        self._active: dict[Wrench, int] = {}
-        self._marker_ids = count()
+        self._active = ActiveWrenches(host.model, host.data)
+        self._shown: dict[Wrench, int] = {}
         self._next_markers = 0.0
         self._timestep = float(host.model.opt.timestep)
         self._markers = host.create_publisher(MarkerArray, "~/wrench_markers")
         host.create_service(ApplyExternalWrench, "~/apply_wrench", self._apply)
+        host.create_diagnostic("", self._diagnose)
 
     def update(self) -> None:
         """Adds the active wrenches to `xfrc_applied`, at the poses of this very step."""
         host = self._host
         host.kinematics()
-        step, timestep = host.step, self._timestep
-        for wrench in self._active:
-            wrench.apply((step - wrench.start) * timestep)
+        step = host.step
+        self._active.apply(step)
         if step >= self._next_markers:
             self._show()
 
     def _apply(self, request: ApplyExternalWrench.Request, call: Call) -> Slow:
-        wrenches = [self._parse(i, message) for i, message in enumerate(request.wrenches.external_wrenches)]
+        messages = request.wrenches.external_wrenches
+        if len(self._active) + len(messages) > MOST_WRENCHES:
+            raise RequestError(
+                f"{len(self._active)} wrenches act already and {len(messages)} more were asked for; "
+                f"at most {MOST_WRENCHES} may act at a time"
+            )
+        wrenches = [self._parse(i, message) for i, message in enumerate(messages)]
         wait = call.parameters.get("wait", "true")
         if wait not in ("true", "false"):
             raise RequestError(f"parameter wait is {quoted(wait)}; allowed: true, false")
         if not wrenches:
             return ApplyExternalWrench.Response(success=True, message="no wrench was given; nothing was applied")
-        if len(self._active) + len(wrenches) > MOST_WRENCHES:
-            raise RequestError(
-                f"{len(self._active)} wrenches act already and {len(wrenches)} more were asked for; "
-                f"at most {MOST_WRENCHES} may act at a time"
-            )
         longest = max(wrench.duration for wrench in wrenches)
         what = f"{len(wrenches)} wrench{'es' if len(wrenches) > 1 else ''}"
         if wait == "false":
@@ -74,11 +81,11 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
             )
         try:
             self._start(wrenches)
-            for wrench in sorted(wrenches, key=lambda w: w.end):
-                yield wrench.end
-                self._end([wrench])
+            for end, ending in groupby(sorted(wrenches, key=attrgetter("end")), attrgetter("end")):
+                yield end
+                self._end(list(ending))
         finally:
-            self._end([wrench for wrench in wrenches if wrench in self._active])
+            self._end(wrenches)
         return ApplyExternalWrench.Response(success=True, message=f"applied {what}, the longest for {longest:g} s")
 
     def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
@@ -88,12 +95,17 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
             raise RequestError(f"external_wrenches[{index}]: {error}; nothing was applied") from None
 
     def _start(self, wrenches: list[Wrench]) -> None:
-        self._active.update(zip(wrenches, self._marker_ids, strict=False))
+        self._active.add(wrenches)
         self._next_markers = self._host.step
         self._host.activate()
 
-    def _end(self, wrenches: list[Wrench]) -> None:
-        ended = [(wrench, self._active.pop(wrench)) for wrench in wrenches]
+    def _diagnose(self) -> Diagnosis:
+        active = len(self._active)
+        return Diagnosis(message=f"{active} active" if active else "ok", values={"active wrenches": active})
+
+    def _end(self, wrenches: Sequence[Wrench]) -> None:
+        self._active.remove(wrenches)
+        ended = [(wrench, self._shown.pop(wrench)) for wrench in wrenches if wrench in self._shown]
         if ended and self._markers.matched:
             self._markers.publish(MarkerArray(markers=[m for wrench, i in ended for m in markers.deletions(wrench, i)]))
         if not self._active:
@@ -104,8 +116,9 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._next_markers = step + 1.0 / (MARKER_RATE * self._timestep)
         if not self._markers.matched:
             return
+        self._shown = dict(islice(self._active, MOST_SHOWN))
         arrows = []
-        for wrench, marker_id in self._active.items():
+        for wrench, marker_id in self._shown.items():
             scale = wrench.scale((step - wrench.start) * self._timestep)
             force, torque = self._parameters.force_arrow_scale * scale, self._parameters.torque_arrow_scale * scale
             arrows += markers.arrows(wrench, marker_id, force, torque)

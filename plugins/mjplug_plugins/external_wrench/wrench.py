@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import mujoco
-import numpy as np
 
 from mjplug.plugin import Host, RequestError, doubles
 from mjplug_schemas.builtin_interfaces import Duration
@@ -19,6 +18,7 @@ class Wrench:
     """A wrench in the body frame, from step `start` up to, not including, step `end`.
 
     Attributes:
+        body: Body id.
         body_name: Body name, which is also its TF frame.
         point: Where the force acts, from the body frame's origin [m].
         force: Force [N].
@@ -32,6 +32,7 @@ class Wrench:
         xfrc_applied: The body's six elements of `xfrc_applied`.
     """
 
+    body: int
     body_name: str
     point: Vec
     force: Vec
@@ -90,11 +91,11 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
     ramp = _nanoseconds(message.ramp_down_duration, "ramp_down_duration")
     if ramp > duration:
         raise RequestError(f"ramp_down_duration is {ramp / 1e9:g} s, longer than the duration of {duration / 1e9:g} s")
-    with np.errstate(over="ignore", invalid="ignore"):
-        torque_com = np.add(torque, np.cross(np.subtract(point, model.body_ipos[body]), force))
-    if not np.isfinite(torque_com).all():
+    torque_com = _moment(torque, point, doubles(model.body_ipos[body]), force)
+    if not all(map(math.isfinite, torque_com)):
         raise RequestError("force and application_point are so large that their moment is not finite")
     return Wrench(
+        body=body,
         body_name=name,
         point=point,
         force=force,
@@ -103,10 +104,17 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         end=host.step + max(1, host.steps_covering(duration)),
         duration=duration / 1e9,
         ramp=ramp / 1e9,
-        torque_com=tuple(torque_com.tolist()),
+        torque_com=torque_com,
         xmat=doubles(data.xmat[body]),
         xfrc_applied=doubles(data.xfrc_applied[body]),
     )
+
+
+def _moment(torque: Vec, point: Vec, com: "memoryview[float]", force: Vec) -> Vec:
+    """Returns `torque + cross(point - com, force)`. Plain floats: a request may have a thousand wrenches."""
+    x, y, z = point[0] - com[0], point[1] - com[1], point[2] - com[2]
+    fx, fy, fz = force
+    return torque[0] + (y * fz - z * fy), torque[1] + (z * fx - x * fz), torque[2] + (x * fy - y * fx)
 
 
 def _movable(model: mujoco.MjModel, body: int) -> bool:

@@ -1,0 +1,112 @@
+"""The wrenches that act now, and their sum at each step."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug_plugins.external_wrench.wrench import Wrench
+
+FEW = 16
+"""Up to this many wrenches, a loop over them is faster than numpy."""
+
+
+class ActiveWrenches:
+    """The active wrenches in the order of their start, each with the id of its markers.
+
+    Args:
+        model: The compiled model.
+        data: The state that the wrenches act on.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._timestep = float(model.opt.timestep)
+        self._data = data
+        self._ids: dict[Wrench, int] = {}
+        self._next_id = 0
+        self._table: _Table | None = None
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __iter__(self) -> Iterator[tuple[Wrench, int]]:
+        return iter(self._ids.items())
+
+    def add(self, wrenches: Sequence[Wrench]) -> None:
+        """Adds wrenches that are not active yet."""
+        ids = range(self._next_id, self._next_id + len(wrenches))
+        self._next_id = ids.stop
+        self._ids.update(zip(wrenches, ids, strict=True))
+        if self._table is not None:
+            self._table.add(wrenches, ids)
+
+    def remove(self, wrenches: Iterable[Wrench]) -> None:
+        """Removes those of the wrenches that are active."""
+        removed = [self._ids.pop(wrench) for wrench in wrenches if wrench in self._ids]
+        if len(self._ids) <= FEW:
+            self._table = None
+        elif self._table is not None and removed:
+            self._table.remove(removed)
+
+    def apply(self, step: int) -> None:
+        """Adds the wrenches to `xfrc_applied` at the boundary after `step` steps; `xmat` must be current."""
+        if len(self._ids) <= FEW:
+            timestep = self._timestep
+            for wrench in self._ids:
+                wrench.apply((step - wrench.start) * timestep)
+            return
+        if self._table is None:
+            self._table = _Table(self._data, self._timestep)
+            self._table.add(list(self._ids), list(self._ids.values()))
+        self._table.apply(step)
+
+
+class _Table:
+    """The same wrenches as columns of numbers. Its sums are those of `Wrench.apply` to the last bit."""
+
+    def __init__(self, data: mujoco.MjData, timestep: float) -> None:
+        self._xmat = data.xmat
+        self._xfrc_applied = data.xfrc_applied.reshape(-1)
+        self._timestep = timestep
+        # Rows: id, body, start [step].
+        self._whole = np.empty((3, 0), np.int64)
+        # Rows: force [N], torque about the centre of mass [N m], duration [s], ramp [s].
+        self._real = np.empty((8, 0))
+
+    def add(self, wrenches: Sequence[Wrench], ids: Iterable[int]) -> None:
+        whole = [(marker_id, w.body, w.start) for w, marker_id in zip(wrenches, ids, strict=True)]
+        real = [(*w.force, *w.torque_com, w.duration, w.ramp) for w in wrenches]
+        self._set(
+            np.concatenate((self._whole, np.array(whole, np.int64).T), axis=1),
+            np.concatenate((self._real, np.array(real, np.float64).T), axis=1),
+        )
+
+    def remove(self, ids: Sequence[int]) -> None:
+        keep = ~np.isin(self._whole[0], ids)
+        self._set(self._whole[:, keep], self._real[:, keep])
+
+    def apply(self, step: int) -> None:
+        # Row by row of the rotation matrices, in the order of the sums of `Wrench.apply`.
+        rotation = np.ascontiguousarray(self._xmat.take(self._bodies, axis=0).T).reshape(3, 3, -1)
+        x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
+        fx, fy, fz, tx, ty, tz = self._wrenches
+        wrenches = np.concatenate((x * fx + y * fy + z * fz, x * tx + y * ty + z * tz))
+        if self._ramped is not None:
+            wrenches *= self._scale(step)
+        # Of several wrenches on one body, `add.at` adds each, in order; `+=` would add one.
+        np.add.at(self._xfrc_applied, self._targets, wrenches.reshape(-1))
+
+    def _set(self, whole: NDArray[np.int64], real: NDArray[np.float64]) -> None:
+        self._whole, self._real = whole, real
+        self._bodies = whole[1]
+        self._wrenches, self._durations, self._ramps = real[:6], real[6], real[7]
+        ramped = self._ramps > 0
+        self._ramped = ramped if ramped.any() else None
+        self._targets = (6 * self._bodies + np.arange(6)[:, None]).reshape(-1)
+
+    def _scale(self, step: int) -> NDArray[np.float64]:
+        remaining = self._durations - (step - self._whole[2]) * self._timestep
+        scale = np.ones_like(remaining)
+        np.divide(remaining, self._ramps, out=scale, where=self._ramped)
+        return scale.clip(0.0, 1.0)
