@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from mjplug.errors import is_fault
 from mjplug.log import ros_string
 
 _log = logging.getLogger(__name__)
@@ -60,7 +61,9 @@ class Diagnostics:
                 raise TypeError(f"a diagnostic returns a Diagnosis, not {said!r}")
             values = {_text(key): _text(value) for key, value in said.values.items()}
             return Diagnosis(Level(said.level), _text(said.message), values)
-        except Exception as error:
+        except BaseException as error:
+            if not is_fault(error):
+                raise
             if name not in self._failed:
                 self._failed.add(name)
                 _log.exception("the diagnostic of %s failed", name)

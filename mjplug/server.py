@@ -16,7 +16,7 @@ from mjplug.core import process
 from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
 from mjplug.diagnosis import Diagnostics
-from mjplug.errors import MjplugError, PluginError
+from mjplug.errors import MjplugError, PluginError, is_fault
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.selection import Selected
 from mjplug.services import (
@@ -129,7 +129,9 @@ class Server:
             plugin.init(host, selected.parameters)
         except MjplugError as error:
             raise PluginError(f"plugin {selected.name} refused to start: {error}") from error
-        except Exception as error:
+        except BaseException as error:
+            if not is_fault(error):
+                raise
             _log.exception("plugin %s failed to start", selected.name)
             raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
 
@@ -153,7 +155,9 @@ class Server:
     def _clean_up(name: str, cleanup: Callable[[], None]) -> None:
         try:
             cleanup()
-        except Exception:
+        except BaseException as error:
+            if not is_fault(error):
+                raise
             _log.exception("plugin %s failed while it was cleaned up", name)
 
 

@@ -144,5 +144,6 @@ class Settings(Section):
     )
     on_plugin_error: Literal["stop", "disable"] = Field(
         "stop",
-        description="What an exception in a plugin's update does: end the server, or end only the plugin's work.",
+        description="What an exception in a plugin's update, timer or subscription does: end the server, or end only "
+        "the plugin's work.",
     )

@@ -1,13 +1,25 @@
 """The one way into the physics thread: other threads post calls, the loop runs them between steps."""
 
+import logging
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from time import perf_counter
+
+from mjplug.core.throttle import Throttle
 
 Task = Callable[[], None]
 
 LONGEST_WAIT = 3600.0
 """Bound on one wait [s]; the operating system refuses waits of centuries, as tiny speed factors would ask for."""
+
+
+REPORT_SECONDS = 10.0
+"""Wall time between two log lines about calls that come in too fast [s]."""
+
+MANY_OVERRUNS = 20
+"""Overruns since the last report that are reported; fewer are what a few slow calls do."""
+
+_log = logging.getLogger(__name__)
 
 
 class Inbox:
@@ -17,12 +29,25 @@ class Inbox:
 
     Attributes:
         interrupted: Whether the loop is to end, so that nothing on its thread should wait for long any more.
+        overfull: Whether the last `drain` ran out of time before it was through.
+        overruns: How often a `drain` has run out of time.
+        replaced: By topic, how many messages a newer one has replaced before they were handled.
     """
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Task] = SimpleQueue()
         self.empty = self._queue.empty
         self.interrupted = False
+        self.overfull = False
+        self.overruns = 0
+        self.replaced: dict[str, int] = {}
+        self._reported = 0
+        self._throttle = Throttle(REPORT_SECONDS)
+
+    @property
+    def waiting(self) -> int:
+        """How many calls wait."""
+        return self._queue.qsize()
 
     def post(self, task: Task) -> None:
         """Queues a call; wakes the loop if it waits."""
@@ -36,10 +61,28 @@ class Inbox:
     def drain(self, seconds: float) -> None:
         """Runs what was queued when it was called, but begins nothing after `seconds` [s]: steps must be taken too."""
         until = perf_counter() + seconds
+        self.overfull = False
         for _ in range(self._queue.qsize()):
             self._queue.get_nowait()()
             if perf_counter() > until:
+                self.overfull = not self.empty()
+                self.overruns += self.overfull
                 return
+
+    def report(self, now: float) -> None:
+        """Logs, at most once in `REPORT_SECONDS`, that calls come in too fast.
+
+        Args:
+            now: Wall time [s].
+        """
+        since, self._reported = self.overruns - self._reported, self.overruns
+        if since >= MANY_OVERRUNS and self._throttle.admit(now):
+            _log.warning(
+                "requests and messages come in faster than they can be handled: %d wait; physics gets about half of "
+                "the time of its thread%s",
+                self.waiting,
+                self._throttle.held(),
+            )
 
     def wait(self, seconds: float) -> None:
         """Waits for a call and runs it, for at most `seconds` [s] and never longer than `LONGEST_WAIT`."""

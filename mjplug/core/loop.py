@@ -13,8 +13,9 @@ from mjplug.core.scheduler import NEVER, Scheduler, Slow
 from mjplug.core.simulation import Simulation
 from mjplug.core.step_goals import StepGoals
 from mjplug.core.steppers import Steppers
+from mjplug.core.throttle import Throttle
 from mjplug.core.timing import Timing
-from mjplug.errors import MjplugError, RequestError
+from mjplug.errors import MjplugError, RequestError, is_fault
 from mjplug.transport import Call
 from mjplug_schemas.message import Message
 
@@ -70,11 +71,12 @@ class Loop:
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
-        self.on_second: list[Callable[[float], None]] = [self.recovery.report_held]
+        self.on_second: list[Callable[[float], None]] = [self.recovery.report_held, self.inbox.report]
         self.timing = Timing()
         self.goals = StepGoals()
         self.failure: MjplugError | None = None
         self.last_step = NEVER
+        self._failures = Throttle(SECOND)
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
@@ -93,8 +95,11 @@ class Loop:
                 call.respond(result)
         except RequestError as error:
             call.refuse(str(error))
-        except Exception as error:
-            _log.exception("a service failed")
+        except BaseException as error:
+            if not is_fault(error):
+                raise
+            if self._failures.admit(perf_counter()):
+                _log.exception("a service failed%s", self._failures.held())
             call.refuse(f"internal error: {error!r}")
 
     def pause(self) -> None:
@@ -238,13 +243,17 @@ class Loop:
         return True
 
     def _step_actively(self, target: int) -> Divergence | None:
-        """Takes steps with updates before each, until `target`, a due step or a posted call."""
+        """Takes steps with updates before each, until `target`, a due step or a posted call.
+
+        Calls that were left over because they come in too fast do not end it: then steps get as much time as calls.
+        """
         simulation, steppers, scheduler, nothing_posted = (
             self.simulation,
             self.steppers,
             self.scheduler,
             self.inbox.empty,
         )
+        overfull = self.inbox.overfull
         while True:
             # Before the updates, so that a bad velocity override is undone too.
             simulation.checkpoint()
@@ -256,7 +265,7 @@ class Loop:
             step = simulation.step
             if divergence is not None or step >= target or step >= scheduler.next_due:
                 return divergence
-            if not steppers.active or not nothing_posted():
+            if not steppers.active or not (nothing_posted() or overfull):
                 return None
 
     def _anchor(self) -> None:

@@ -69,7 +69,8 @@ def prefer_this_thread() -> dict[str, bool]:
 def _try(measure: Callable[[], None]) -> bool:
     try:
         measure()
-    except (OSError, AttributeError, KeyError):
+    except (OSError, AttributeError, KeyError, TypeError):
+        # On Windows, `os.getpriority` is missing and `CDLL(None)` is a TypeError.
         return False
     return True
 

@@ -59,6 +59,8 @@ class Simulation:
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
+        # MuJoCo's sum of time steps; not the bits of `time.seconds`.
+        self._checkpoint_time = self.data.time
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         self._kinematics_current = True
@@ -86,6 +88,7 @@ class Simulation:
     def checkpoint(self) -> None:
         """Notes the state to go back to if the coming steps diverge."""
         self._checkpoint.save()
+        self._checkpoint_time = self.data.time
 
     def advance(self, steps: int) -> Divergence | None:
         """Takes physics steps; `checkpoint` must have been called at this boundary.
@@ -246,14 +249,14 @@ class Simulation:
         found = divergence.find(self.model, self.data)
         self._restore()
         if steps > 1:
-            begin, first = self._checkpoint, self.step
+            begin, first, began_at = self._checkpoint, self.step, self._checkpoint_time
             self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
             for _ in range(steps):
                 self.checkpoint()
                 again = self.advance(1)
                 if again is not None:
                     return again
-            self._checkpoint, self.step = begin, first
+            self._checkpoint, self.step, self._checkpoint_time = begin, first, began_at
             self._restore()
         if found is None:
             raise MjplugError("MuJoCo counted a bad state that it does not name")
@@ -261,7 +264,7 @@ class Simulation:
 
     def _restore(self) -> None:
         self._checkpoint.restore()
-        self.data.time = self.time.seconds(self.step)
+        self.data.time = self._checkpoint_time
         self._kinematics_current = False
         divergence.clear(self.data)
 

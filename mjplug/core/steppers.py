@@ -5,8 +5,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mjplug.core.memory import Saved
 from mjplug.core.simulation import Simulation
 from mjplug.core.velocity import VelocityOverride
+from mjplug.errors import is_fault
 
 
 class Stepper(Protocol):
@@ -18,7 +20,7 @@ class Stepper(Protocol):
     def on_reset(self) -> None:
         """Forgets what belonged to the state before the reset."""
 
-    def failed(self, error: Exception) -> None:
+    def failed(self, error: BaseException) -> None:
         """Takes an exception that `update` raised; the stepper has been deactivated."""
 
 
@@ -39,6 +41,7 @@ class Steppers:
         self._all: list[Stepper] = []
         self._simulation = simulation
         self._override: VelocityOverride | None = None
+        self._written: Saved | None = None
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -63,20 +66,24 @@ class Steppers:
         self._set_active({*self.active} - {stepper})
 
     def update(self) -> None:
-        """Lets the active ones write what the coming step needs; when one fails, the others begin anew."""
-        while True:
-            self._simulation.clear_forces()
-            if self._override is not None:
-                self._override.clear()
-            for stepper in self.active:
-                try:
-                    stepper.update()
-                except Exception as error:
-                    self.deactivate(stepper)
-                    stepper.failed(error)
-                    break
-            else:
-                return
+        """Lets the active ones write what the coming step needs, each once; when one fails, what it wrote is undone."""
+        override = self._override
+        self._simulation.clear_forces()
+        if override is not None:
+            override.clear()
+        begun = False
+        for stepper in self.active:
+            if begun:
+                self._save()
+            try:
+                stepper.update()
+                begun = True
+            except BaseException as error:
+                if not is_fault(error):
+                    raise
+                self._undo(begun)
+                self.deactivate(stepper)
+                stepper.failed(error)
 
     def override(self) -> None:
         """Writes the velocities that `update` has left in `velocity_override`."""
@@ -88,6 +95,25 @@ class Steppers:
         self._simulation.clear_forces()
         for stepper in self._all:
             stepper.on_reset()
+
+    def _save(self) -> None:
+        """Notes what the steppers so far have written, in case the next one fails."""
+        if self._written is None:
+            self._written = Saved((self._simulation.data.xfrc_applied, self._simulation.data.qfrc_applied))
+        self._written.save()
+        if self._override is not None:
+            self._override.save()
+
+    def _undo(self, begun: bool) -> None:
+        """Takes back what a stepper wrote before it failed; `begun`: others were updated before it in this step."""
+        if begun and self._written is not None:
+            self._written.restore()
+            if self._override is not None:
+                self._override.restore()
+        else:
+            self._simulation.clear_forces()
+            if self._override is not None:
+                self._override.clear()
 
     def _set_active(self, active: set[Stepper]) -> None:
         self.active = tuple(stepper for stepper in self._all if stepper in active)

@@ -80,10 +80,19 @@ class VelocityOverride:
         self._bytes = self.vector.data.cast("B")
         # From view to view: a third of what `fill` takes.
         self._none = memoryview(self.vector.tobytes())
+        self._saved = memoryview(bytearray(self._none))
 
     def clear(self) -> None:
         """Leaves every velocity to physics."""
         self._bytes[:] = self._none
+
+    def save(self) -> None:
+        """Notes the velocities, for `restore`."""
+        self._saved[:] = self._bytes
+
+    def restore(self) -> None:
+        """Puts back what was saved last; before the first time, every velocity is left to physics."""
+        self._bytes[:] = self._saved
 
     def apply(self) -> None:
         """Writes the finite ones."""

@@ -7,7 +7,7 @@ from typing import ParamSpec, Protocol
 
 from mjplug.core.loop import Loop
 from mjplug.core.velocity import VelocityHold
-from mjplug.errors import PluginError
+from mjplug.errors import PluginError, is_fault
 from mjplug.plugin.stopwatch import Stopwatch
 
 P = ParamSpec("P")
@@ -27,7 +27,7 @@ class PluginStepper:
     """A plugin as the loop sees it; `update` is the plugin's own method, since it is called at every step."""
 
     def __init__(
-        self, update: Callable[[], None], on_reset: Callable[[], None], failed: Callable[[Exception], None]
+        self, update: Callable[[], None], on_reset: Callable[[], None], failed: Callable[[BaseException], None]
     ) -> None:
         self.update = update
         self.on_reset = on_reset
@@ -86,13 +86,15 @@ class Guard:
             began = perf_counter()
             try:
                 callback(*args, **kwargs)
-            except Exception as error:
+            except BaseException as error:
+                if not is_fault(error):
+                    raise
                 self.fail(error)
             self._stopwatch.add(began)
 
         return call
 
-    def fail(self, error: Exception) -> None:
+    def fail(self, error: BaseException) -> None:
         """Switches the plugin off: its requests are refused and its holds released. Stops the server, if so wished."""
         name = self._name
         self._logger.error("plugin %s failed", name, exc_info=error)

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from itertools import count
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
@@ -11,12 +10,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.core.loop import Loop
+from mjplug.core.loop import SECOND, Loop
 from mjplug.core.scheduler import Slow, Timer
+from mjplug.core.throttle import Throttle
 from mjplug.core.velocity import VelocityHold
 from mjplug.diagnosis import Diagnosis, Diagnostics, Level
-from mjplug.errors import PluginError
+from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
+from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard, Stepping
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
@@ -141,27 +142,22 @@ class Host(WorldView):
         Args:
             type: Message class.
             name: As for `create_publisher`.
-            callback: Gets each message, already validated against its type.
+            callback: Gets each message, already validated against its type. A RequestError that it raises refuses the
+                message: the log has the sentence, at most once a second. Any other exception follows `on_plugin_error`.
             qos: Quality of service; the default delivers the newest message only, as commands want it.
         """
-        arrivals = count(1)
-        newest = [0]
+        topic = Topic(self.full_name(name), type, qos)
+        refusals = Throttle(SECOND)
 
-        def deliver(message: M) -> None:
-            number = newest[0] = next(arrivals)
-            self._loop.inbox.post(lambda: take(number, message))
+        def take(message: M) -> None:
+            try:
+                callback(message)
+            except RequestError as error:
+                if refusals.admit(perf_counter()):
+                    self.logger.warning("topic %s: a message was refused: %s%s", topic.name, error, refusals.held())
 
-        def take(number: int, message: M) -> None:
-            # Each message keeps its place among the requests; one that newer ones have overtaken is dropped.
-            if newest[0] - number < qos.depth and not self._guard.disabled:
-                began = perf_counter()
-                try:
-                    callback(message)
-                except Exception:
-                    self.logger.exception("a message on %s could not be handled", name)
-                self._stopwatch.add(began)
-
-        self._transport.open_subscription(Topic(self.full_name(name), type, qos), deliver)
+        arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
+        self._transport.open_subscription(topic, arrivals.deliver)
 
     def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
         """Declares a service.

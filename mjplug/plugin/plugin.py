@@ -38,6 +38,23 @@ A plain value there is no section but a misspelt parameter, and is refused as on
 P = TypeVar("P", bound=Parameters)
 
 
+def _parameters_of(cls: type) -> object:
+    """Returns the type argument that a plugin class gives to `Plugin`, through generic classes between the two.
+
+    It is a TypeVar where the class leaves it open, and None where the class is no subclass of a generic one.
+    """
+    for base in cls.__dict__.get("__orig_bases__", cls.__bases__):
+        origin = get_origin(base) or base
+        if origin is Plugin:
+            return next(iter(get_args(base)), None)
+        if isinstance(origin, type) and issubclass(origin, Plugin):
+            argument = _parameters_of(origin)
+            # The variables of a generic class stand in the order of the arguments that it gets.
+            variables = getattr(origin, "__parameters__", ())
+            return get_args(base)[variables.index(argument)] if get_args(base) and argument in variables else argument
+    return None
+
+
 class Plugin(ABC, Generic[P]):
     """Base of every plugin; its type argument is its parameter model: `class Heartbeat(Plugin[HeartbeatParameters])`.
 
@@ -51,9 +68,17 @@ class Plugin(ABC, Generic[P]):
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
-        for base in getattr(cls, "__orig_bases__", ()):
-            if get_origin(base) is Plugin and isinstance(argument := get_args(base)[0], type):
-                cls.parameters_type = argument
+        argument = _parameters_of(cls)
+        if isinstance(argument, TypeVar):
+            # A generic base that was subclassed without an argument, or not yet: its bound is what its code may use.
+            argument = argument.__bound__
+        if isinstance(argument, type) and issubclass(argument, Parameters):
+            cls.parameters_type = argument
+        elif argument is not None:
+            raise TypeError(
+                f"the parameters of plugin {cls.__name__} are {argument!r}; "
+                "they must be a subclass of Parameters that is defined before the plugin"
+            )
 
     @abstractmethod
     def init(self, host: Host, parameters: P) -> None:

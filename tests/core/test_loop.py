@@ -1,7 +1,9 @@
+from time import perf_counter
+
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
+from conftest import ARM, World
 
 from mjplug.core.reset import Reset
 from mjplug_schemas.std_msgs import String
@@ -390,3 +392,86 @@ def test_positions_that_a_call_writes_while_the_loop_waits_are_noticed(box_world
     loop.turn()
     box_world.simulation.kinematics()
     assert data.xpos[1, 0] == 5.0
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_when_one_update_fails_the_others_are_updated_once_in_that_step(box_world, place):
+    data, loop = box_world.data, box_world.loop
+
+    class Integrator:
+        """Applies a force that grows with each of its updates."""
+
+        def __init__(self, body):
+            self.body, self.updates = body, 0
+
+        def update(self):
+            self.updates += 1
+            data.xfrc_applied[self.body, 0] += self.updates
+            loop.steppers.velocity_override[9 + self.body] = self.updates
+
+        def on_reset(self):
+            pass
+
+    class Broken(Integrator):
+        def update(self):
+            if loop.simulation.step == 1:
+                data.xfrc_applied[:] = 1000.0
+                data.qfrc_applied[:] = 1000.0
+                loop.steppers.velocity_override[:] = 7.0
+                raise ZeroDivisionError
+
+        def failed(self, error):
+            pass
+
+    healthy = [Integrator(1), Integrator(2)]
+    for stepper in (*healthy[:place], Broken(0), *healthy[place:]):
+        loop.steppers.add(stepper)
+        loop.steppers.activate(stepper)
+    seen = []
+    advance = box_world.simulation.advance
+
+    def spy(steps):
+        seen.append((data.xfrc_applied[:, 0].tolist(), data.qfrc_applied.any(), data.qvel[10:12].tolist()))
+        return advance(steps)
+
+    box_world.simulation.advance = spy
+    loop.step(3)
+    assert seen == [([0.0, k, k, 0.0], False, [k, k]) for k in (1, 2, 3)]
+    assert [stepper.updates for stepper in healthy] == [3, 3]
+
+
+@pytest.mark.parametrize("active", [False, True], ids=["batch", "active"])
+def test_after_a_divergence_time_has_the_bits_that_it_had_before_that_step(active):
+    """MuJoCo adds up time steps, so after many of them its time is not the step number times the time step."""
+    world = World(mujoco.MjModel.from_xml_string(ARM.replace('timestep="0.002"', 'timestep="0.0001"')))
+    recorder = Recorder(world.simulation)
+    world.loop.steppers.add(recorder)
+    if active:
+        world.loop.steppers.activate(recorder)
+    world.loop.step(1000)
+    before, step = world.data.time, world.simulation.step
+    assert before != world.simulation.time.seconds(step)
+    world.data.qvel[0] = np.inf
+    world.loop.step(50)
+    assert world.loop.paused
+    assert world.simulation.step == step
+    assert world.data.time == before
+
+
+def test_in_a_flood_of_calls_active_steppers_get_as_much_time_as_the_calls(arm_world):
+    """Each call posts itself anew, so that the inbox is never empty."""
+    recorder = Recorder(arm_world.simulation)
+    arm_world.loop.steppers.add(recorder)
+    arm_world.loop.steppers.activate(recorder)
+    handled = []
+
+    def again():
+        handled.append(perf_counter())
+        arm_world.loop.inbox.post(again)
+
+    for _ in range(20_000):
+        again()
+    for _ in range(50):
+        arm_world.loop.turn()
+    assert arm_world.simulation.step > 2 * 50
+    assert arm_world.loop.inbox.overruns > 0

@@ -107,6 +107,6 @@ class _Table:
 
     def _scale(self, step: int) -> NDArray[np.float64]:
         remaining = self._durations - (step - self._whole[2]) * self._timestep
-        scale = np.ones_like(remaining)
+        scale = np.ones(remaining.shape)
         np.divide(remaining, self._ramps, out=scale, where=self._ramped)
-        return scale.clip(0.0, 1.0)
+        return np.clip(scale, 0.0, 1.0, out=scale)
