@@ -2,7 +2,6 @@
 
 import json
 import logging
-import math
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import typer
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say
 from mjplug.errors import ConfigError, UnknownName
+from mjplug.limits import LONGEST_TIME
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ def serve(
     import_mujoco()
     from mjplug.config.load import Option, read
 
-    if duration is not None and not math.isfinite(duration):
-        raise typer.BadParameter("it must be finite", param_hint="--duration")
+    if duration is not None and not duration <= LONGEST_TIME:
+        raise typer.BadParameter(f"it must be at most {LONGEST_TIME} s, not {duration:g}", param_hint="--duration")
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += [Option("--paused", "sim.paused=true")] if paused else []
     # Quoted, so that a name such as 1 or on stays text.

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from mjplug.config.endpoint import check_endpoint
+from mjplug.limits import FASTEST, SLOWEST
 from mjplug_schemas.names import normalize_namespace, validate_name, validate_node_name
 
 
@@ -44,8 +45,8 @@ class Section(BaseModel):
 class Sim(Section):
     """How the simulation runs."""
 
-    speed: Annotated[float, Field(gt=0)] | Literal["max"] = Field(
-        1.0, description="Real-time factor, above 0; `max` runs as fast as possible."
+    speed: Annotated[float, Field(ge=SLOWEST, le=FASTEST)] | Literal["max"] = Field(
+        1.0, description="Real-time factor, from 0.001 to 1000; `max` runs as fast as possible."
     )
     paused: bool = Field(False, description="Whether to start paused.")
     keyframe: Keyframe = Field(

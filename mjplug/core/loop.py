@@ -9,13 +9,14 @@ from mjplug.core.inbox import Inbox
 from mjplug.core.pacing import Pacer, Speed
 from mjplug.core.recovery import OnDivergence, Recovery
 from mjplug.core.reset import Reset
-from mjplug.core.scheduler import NEVER, Scheduler, Slow
+from mjplug.core.scheduler import Scheduler, Slow
 from mjplug.core.simulation import Simulation
 from mjplug.core.step_goals import StepGoals
 from mjplug.core.steppers import Steppers
 from mjplug.core.throttle import Throttle
 from mjplug.core.timing import Timing
 from mjplug.errors import MjplugError, RequestError, is_fault
+from mjplug.limits import LONGEST_TIME
 from mjplug.transport import Call
 from mjplug_schemas.message import Message
 
@@ -51,7 +52,7 @@ class Loop:
         recovery: What follows a divergence.
         timing: How long steps take and how late they are.
         failure: The error that ended `run`, if one did.
-        last_step: `run` ends when this step has been taken.
+        last_step: `run` ends when this step has been taken; at first the last one whose time fits into a message.
     """
 
     def __init__(
@@ -75,7 +76,8 @@ class Loop:
         self.timing = Timing()
         self.goals = StepGoals()
         self.failure: MjplugError | None = None
-        self.last_step = NEVER
+        self._end_of_time = simulation.time.steps_covering(LONGEST_TIME * 1_000_000_000 + 1) - 1
+        self.last_step = self._end_of_time
         self._failures = Throttle(SECOND)
         self._stopping = False
         self._batch = 1
@@ -218,7 +220,19 @@ class Loop:
                 callback()
             self.goals.end_reached(step)
         if step >= self.last_step:
+            self._end(step)
+
+    def _end(self, step: int) -> None:
+        """Ends `run` after its last step."""
+        if step < self._end_of_time:
             self.stop()
+        else:
+            self.fail(
+                MjplugError(
+                    f"simulated time has reached {LONGEST_TIME} s, the end of what ROS messages can carry; "
+                    "start the server again"
+                )
+            )
 
     def _advance(self, target: int) -> bool:
         """Takes at most one batch of steps towards `target`; False: a divergence forbids to go on."""

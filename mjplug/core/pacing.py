@@ -4,6 +4,7 @@ import logging
 from typing import Literal
 
 from mjplug.core.step_time import StepTime
+from mjplug.core.throttle import Throttle
 
 LARGEST_LAG = 0.1
 """Lag [s of wall time] that is caught up; what is beyond it is dropped."""
@@ -11,7 +12,11 @@ LARGEST_LAG = 0.1
 WAKE_EVERY = 0.001
 """Wall time [s] below which steps are not woken up for one by one."""
 
-_REPORT_EVERY = 10.0
+STOPPED = 2.0
+"""Lag dropped in one go [s] that means that the process did not run, rather than that steps take too long."""
+
+REPORT_SECONDS = 10.0
+"""Wall time between two log lines about lag [s]."""
 
 _log = logging.getLogger(__name__)
 
@@ -31,7 +36,7 @@ class Pacer:
 
     Args:
         time: Step length.
-        speed: Positive real-time factor, or `max`.
+        speed: Real-time factor from `limits.SLOWEST` to `limits.FASTEST`, or `max`.
     """
 
     def __init__(self, time: StepTime, speed: Speed) -> None:
@@ -41,7 +46,7 @@ class Pacer:
         self._timestep = float(time.timestep)
         self._anchor_step = 0
         self._anchor = 0.0
-        self._report_at = 0.0
+        self._too_slow, self._did_not_run = Throttle(REPORT_SECONDS), Throttle(REPORT_SECONDS)
 
     @property
     def period(self) -> float:
@@ -73,17 +78,23 @@ class Pacer:
         if excess > 0.0:
             self.dropped += excess
             self.drops += 1
-            self._report(now)
+            self._report(now, excess)
             self._anchor += excess
             lag -= excess
         return step + max(0, int(lag / self.period + 1e-6))
 
-    def _report(self, now: float) -> None:
-        if now < self._report_at:
-            return
-        _log.warning(
-            "physics cannot keep up: %.1f s of wall time lost so far at speed %g; simulated time now runs slower",
-            self.dropped,
-            self.speed,
-        )
-        self._report_at = now + _REPORT_EVERY
+    def _report(self, now: float, excess: float) -> None:
+        if excess >= STOPPED:
+            if self._did_not_run.admit(now):
+                _log.warning(
+                    "no step was taken for %.1f s of wall time, as when the process is stopped, the machine sleeps "
+                    "or one call takes that long; simulated time goes on from where it was%s",
+                    excess,
+                    self._did_not_run.held(),
+                )
+        elif self._too_slow.admit(now):
+            _log.warning(
+                "physics cannot keep up: %.1f s of wall time lost so far at speed %g; simulated time now runs slower",
+                self.dropped,
+                self.speed,
+            )

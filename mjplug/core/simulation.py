@@ -14,6 +14,7 @@ from mjplug.core.memory import Cleared, Saved, doubles
 from mjplug.core.step_time import StepTime
 from mjplug.core.velocity import VelocityHold
 from mjplug.errors import MjplugError, ModelError, UnknownName
+from mjplug.limits import LONGEST_STEP, SHORTEST_STEP
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _MOST_DIGITS = 10
@@ -41,12 +42,15 @@ class Simulation:
 
     Raises:
         UnknownName: There is no such keyframe.
-        ModelError: The time step is not positive.
+        ModelError: The time step is too short or too long.
     """
 
     def __init__(self, model: mujoco.MjModel, keyframe: str = "") -> None:
-        if not model.opt.timestep > 0:
-            raise ModelError(f"the model's timestep is {model.opt.timestep:g} s; it must be positive")
+        if not SHORTEST_STEP <= model.opt.timestep <= LONGEST_STEP:
+            raise ModelError(
+                f"the model's timestep is {model.opt.timestep:g} s; "
+                f"it must be from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+            )
         self.model = model
         self.data = mujoco.MjData(model)
         self.step = 0

@@ -1,6 +1,5 @@
 """The server's parameters, in the six services that ROS 2 tools know: `ros2 param list`, `get`, `set` and so on."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,6 +8,7 @@ from mjplug.config.settings import Settings
 from mjplug.core.loop import Loop
 from mjplug.core.pacing import Speed
 from mjplug.errors import RequestError, did_you_mean, quoted
+from mjplug.limits import FASTEST, SLOWEST
 from mjplug.plugin import Call, Host
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.rcl_interfaces import (
@@ -209,9 +209,10 @@ def _unchanged(new: Scalar | None, value: Scalar, way_out: str) -> Apply:
 def _speed(value: Scalar | None) -> Speed:
     if value == "max":
         return "max"
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0:
+    if isinstance(value, int | float) and not isinstance(value, bool) and SLOWEST <= value <= FASTEST:
         return float(value)
-    raise RequestError(f"it must be a finite number above 0, or 'max', not {value!r}")
+    shown = quoted(value) if isinstance(value, str) else repr(value)
+    raise RequestError(f"it must be a number from {SLOWEST:g} to {FASTEST:g}, or 'max', not {shown}")
 
 
 def _service(handler: Callable[[Any], Message]) -> Callable[[Any, Call], Message]:

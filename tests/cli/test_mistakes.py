@@ -53,7 +53,7 @@ CONFIGURATIONS = {
         "config.yaml",
         3,
         [
-            "config.yaml:3:14: error: sim.speed: Input should be greater than 0 or 'max', not -1.0\n",
+            "config.yaml:3:14: error: sim.speed: Input should be greater than or equal to 0.001 or 'max', not -1.0\n",
             "config.yaml:3:28: error: sim.paused: Input should be true or false, not 'maybe'\n",
             "config.yaml:5:27: error: plugins.beat.update_rat: unknown key; known: topic, update_rate\n"
             "    5 |   beat: {type: heartbeat, update_rat: 3.0}\n"

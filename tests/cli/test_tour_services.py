@@ -143,7 +143,7 @@ def test_the_speed_is_shown_and_changed(tour):
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 2.0
     assert tour.ask("sim", "speed", "max") == "max\n"
     assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 5.0
-    assert "above 0, or 'max', not -1.0" in tour.fail(7, "sim", "speed", "-1")
+    assert "from 0.001 to 1000, or 'max', not -1.0" in tour.fail(7, "sim", "speed", "-1")
     assert "'fast' is neither a number nor max" in tour.fail(2, "sim", "speed", "fast")
-    assert "'sim.speed': it must be a finite number above 0, or 'max', not 0.0" in tour.fail(7, "sim", "speed", "0")
+    assert "'sim.speed': it must be a number from 0.001 to 1000, or 'max', not 0.0" in tour.fail(7, "sim", "speed", "0")
     assert tour.ask("sim", "speed") == "max\n"

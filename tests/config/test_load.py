@@ -102,7 +102,14 @@ ros_params: [no.yaml]
     ("line", "message"),
     [
         ("sim: {speed: .inf}", "c.yaml:2:14: error: sim.speed: Input should be a finite number or 'max', not inf"),
-        ("sim: {speed: -1}", "c.yaml:2:14: error: sim.speed: Input should be greater than 0 or 'max', not -1"),
+        (
+            "sim: {speed: 1e-320}",
+            "c.yaml:2:14: error: sim.speed: Input should be greater than or equal to 0.001 or 'max', not 1e-320",
+        ),
+        (
+            "sim: {speed: 1e308}",
+            "c.yaml:2:14: error: sim.speed: Input should be less than or equal to 1000 or 'max', not 1e+308",
+        ),
         ("sim: {speed: }", "c.yaml:2:14: error: sim.speed: Input should be a number or 'max', not nothing"),
         ("sim: fast", "c.yaml:2:6: error: sim: Input should be a mapping, not 'fast'"),
         ("sim: []", "c.yaml:2:6: error: sim: Input should be a mapping, not an empty list"),

@@ -97,7 +97,7 @@ def test_wrong_options_say_which_they_are(config):
         "--set ros2.domain_id=[1: error: YAML syntax: did not find expected ',' or ']' while parsing a flow sequence",
         "--set node_name=on: error: node_name: Input should be text, not true; "
         'to mean text, write "on" with the quotes',
-        "--set sim.speed=-1: error: sim.speed: Input should be greater than 0 or 'max', not -1",
+        "--set sim.speed=-1: error: sim.speed: Input should be greater than or equal to 0.001 or 'max', not -1",
         "environment MJPLUG_SIM__PAUSED: error: sim.paused: Input should be true or false, not 'maybe'",
         "--set sim.seed='2': error: sim.seed: Input should be a whole number, not '2'; leave out the quotes",
         "--set sim.sped=2: error: sim.sped: unknown key; "

@@ -127,7 +127,7 @@ def test_every_field_says_what_it_is():
             assert described["description"].endswith("."), name
     assert schema["required"] == ["model"]
     assert schema["$defs"]["Sim"]["properties"]["speed"]["anyOf"] == [
-        {"exclusiveMinimum": 0, "type": "number"},
+        {"maximum": 1000.0, "minimum": 0.001, "type": "number"},
         {"const": "max", "type": "string"},
     ]
 

@@ -6,6 +6,8 @@ import pytest
 from conftest import ARM, World
 
 from mjplug.core.reset import Reset
+from mjplug.core.simulation import Simulation
+from mjplug.errors import ModelError
 from mjplug_schemas.std_msgs import String
 
 PENDULUM_THAT_BLOWS_UP = """
@@ -475,3 +477,25 @@ def test_in_a_flood_of_calls_active_steppers_get_as_much_time_as_the_calls(arm_w
         arm_world.loop.turn()
     assert arm_world.simulation.step > 2 * 50
     assert arm_world.loop.inbox.overruns > 0
+
+
+@pytest.mark.parametrize("timestep", ["0.002", "0.3", "1000"])
+def test_simulated_time_ends_with_a_sentence_at_the_latest_time_that_a_message_can_carry(timestep):
+    text = f'<mujoco><option timestep="{timestep}" gravity="0 0 0"/><worldbody/></mujoco>'
+    world = World(mujoco.MjModel.from_xml_string(text))
+    world.loop.last_step -= 10
+    world.simulation.step = world.loop.last_step
+    world.loop.last_step += 10
+    stamps = []
+    world.host().create_timer(float(timestep), lambda: stamps.append(world.host().now()))
+    world.loop.run()
+    assert len(stamps) == 10
+    assert 2**31 - 1 - float(timestep) < stamps[-1].to_ns() / 1e9 <= 2**31 - 1
+    assert "simulated time has reached 2147483647 s" in str(world.loop.failure)
+
+
+@pytest.mark.parametrize("timestep", ["1e-10", "1001", "1e300"])
+def test_a_time_step_that_cannot_be_counted_is_refused(timestep):
+    model = mujoco.MjModel.from_xml_string(f'<mujoco><option timestep="{timestep}"/><worldbody/></mujoco>')
+    with pytest.raises(ModelError, match=r"the model's timestep is .* s; it must be from 1e-09 to 1000 s"):
+        Simulation(model)

@@ -118,12 +118,22 @@ def test_the_speed_can_be_set_and_is_read_back(world, put, ask, value, speed):
     assert read == (value if speed == "max" else double(speed))
 
 
-@pytest.mark.parametrize("value", [double(0.0), double(-1.0), double(float("inf")), double(float("nan")), YES,
+@pytest.mark.parametrize("value", [double(0.0), double(-1.0), double(1e308), double(1e-320), double(5e-324),
+                                   double(0.0009999), double(1000.1), double(float("inf")), double(float("nan")), YES,
                                    ParameterValue(), ParameterValue(type=4, string_value="fast")])  # fmt: skip
 def test_a_wrong_speed_is_refused_and_changes_nothing(world, put, value):
     (reason,) = put(sim__speed=value)
-    assert reason.startswith("parameter 'sim.speed': it must be a finite number above 0, or 'max', not ")
+    assert reason.startswith("parameter 'sim.speed': it must be a number from 0.001 to 1000, or 'max', not ")
     assert world.loop.pacer.speed == 0.5
+
+
+@pytest.mark.parametrize("speed", [0.001, 1000.0])
+def test_the_loop_runs_at_the_smallest_and_the_largest_speed(world, put, speed):
+    assert put(sim__speed=double(speed)) == [""]
+    for _ in range(10):
+        world.loop.inbox.post(lambda: None)
+        world.loop.turn()
+    assert world.loop.pacer.speed == speed
 
 
 def test_a_new_speed_counts_from_where_the_simulation_is(world):

@@ -106,6 +106,7 @@ class JointCommandsParameters(Parameters):
     command_timeout: float = Field(
         default=0.0,
         ge=0,
+        le=1e9,
         description="Age at which velocity and effort commands become zero, in simulated time [s]; 0 is never.",
     )
     hold_at_start: bool = Field(
