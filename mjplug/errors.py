@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import signal
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
+
+from mjplug.near_names import LONGEST, Names
 
 if TYPE_CHECKING:
     from mjplug.config.problem import Problem
@@ -14,8 +15,8 @@ _MOST_PROBLEMS = 100
 """How many problems of a configuration the text of the error has."""
 
 
-_LONGEST_NAME = 100
-"""Characters of a wrong name that are shown, and up to which the nearest right one is looked for."""
+_LONGEST_NAME = LONGEST
+"""Characters of a wrong name that are shown."""
 
 
 class MjplugError(Exception):
@@ -58,11 +59,11 @@ class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name al
     Args:
         kind: What was looked up, such as `body`.
         name: The name that is not there.
-        allowed: The names that are.
+        allowed: The names that are. Where they may be many and time counts, give `Names` that were made before.
     """
 
-    def __init__(self, kind: str, name: str, allowed: Iterable[str]) -> None:
-        names = sorted(n for n in allowed if n)
+    def __init__(self, kind: str, name: str, allowed: Iterable[str] | Names) -> None:
+        names = allowed if isinstance(allowed, Names) else Names(allowed)
         super().__init__(f"unknown {kind} {quoted(name)}{did_you_mean(name, names)}; {_listing(kind, names)}")
 
 
@@ -77,12 +78,10 @@ def is_fault(error: BaseException) -> bool:
     return isinstance(error, Exception | SystemExit)
 
 
-def did_you_mean(name: str, allowed: Iterable[str]) -> str:
+def did_you_mean(name: str, allowed: Iterable[str] | Names) -> str:
     """Returns `, did you mean 'x'?` for a name close to an allowed one, otherwise an empty string."""
-    if len(name) > _LONGEST_NAME:
-        return ""
-    close = difflib.get_close_matches(name, list(allowed), n=1)
-    return f", did you mean {close[0]!r}?" if close else ""
+    near = (allowed if isinstance(allowed, Names) else Names(allowed)).nearest(name)
+    return "" if near is None else f", did you mean {near!r}?"
 
 
 def quoted(name: str) -> str:
@@ -90,8 +89,8 @@ def quoted(name: str) -> str:
     return repr(name) if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]!r}… ({len(name)} characters)"
 
 
-def _listing(kind: str, names: list[str], most: int = 20) -> str:
-    if not names:
+def _listing(kind: str, names: Names, most: int = 20) -> str:
+    if not len(names):
         return f"there is no {kind}"
     more = f", … ({len(names)} in all)" if len(names) > most else ""
-    return "known: " + ", ".join(names[:most]) + more
+    return "known: " + ", ".join(names.first(most)) + more

@@ -7,8 +7,6 @@ MuJoCo keeps the linear velocity of a free joint in the world frame and its angu
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import mujoco
-
 from mjplug.core.frames import Array, compose, inverse, rotate, unit_quat_wxyz, vector
 from mjplug.core.simulation import Simulation
 from mjplug.errors import RequestError, UnknownName, quoted
@@ -41,24 +39,17 @@ class FreeJointTarget:
     angular: Array
 
 
-def free_joints(model: mujoco.MjModel) -> dict[int, int]:
-    """Returns the free joint of every body that has one, body id to joint id, in joint order."""
-    free = int(mujoco.mjtJoint.mjJNT_FREE)
-    return {int(model.jnt_bodyid[j]): j for j in range(model.njnt) if model.jnt_type[j] == free}
-
-
 def validate(simulation: Simulation, states: Iterable[FreeJointState]) -> list[FreeJointTarget]:
     """Checks every entry and returns what to apply.
 
     Raises:
         RequestError: An entry is wrong; the sentence has its index, its name and the reason.
     """
-    joints = free_joints(simulation.model)
     targets: list[FreeJointTarget] = []
     first: dict[int, int] = {}
     for index, state in enumerate(states):
         try:
-            target = _target(simulation, joints, state)
+            target = _target(simulation, state)
         except RequestError as error:
             raise RequestError(f"free_joints[{index}] ({quoted(state.name)}): {error}") from None
         if target.body in first:
@@ -96,18 +87,17 @@ def apply(simulation: Simulation, targets: Iterable[FreeJointTarget]) -> None:
         data.qvel[dof + 3 : dof + 6] = rotate(inverse(quat), angular_w)
 
 
-def _target(simulation: Simulation, joints: dict[int, int], state: FreeJointState) -> FreeJointTarget:
+def _target(simulation: Simulation, state: FreeJointState) -> FreeJointTarget:
     try:
         body = simulation.body_id(state.name)
     except UnknownName:
-        names = [mujoco.mj_id2name(simulation.model, mujoco.mjtObj.mjOBJ_BODY, b) for b in joints]
-        raise UnknownName("body with a free joint", state.name, [n for n in names if n]) from None
-    if body not in joints:
+        raise UnknownName("body with a free joint", state.name, simulation.free_bodies) from None
+    if body not in simulation.free_joints:
         raise RequestError(f"body {state.name!r} has no free joint")
     pose, twist = state.pose.pose, state.twist.twist
     return FreeJointTarget(
         body=body,
-        joint=joints[body],
+        joint=simulation.free_joints[body],
         pose_frame=_frame(simulation, "pose", state.pose.header.frame_id),
         pos=vector(pose.position, "pose.pose.position"),
         quat_wxyz=unit_quat_wxyz(pose.orientation, "pose.pose.orientation"),

@@ -15,12 +15,14 @@ from mjplug.core.step_time import StepTime
 from mjplug.core.velocity import VelocityHold
 from mjplug.errors import MjplugError, ModelError, UnknownName
 from mjplug.limits import LONGEST_STEP, SHORTEST_STEP
+from mjplug.near_names import Names
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _MOST_DIGITS = 10
 _QPOS = int(mujoco.mjtWarning.mjWARN_BADQPOS)
 _QVEL = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _QACC = int(mujoco.mjtWarning.mjWARN_BADQACC)
+_BODY, _JOINT, _KEY = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_KEY
 
 
 class Simulation:
@@ -35,6 +37,8 @@ class Simulation:
         step: Steps taken since the start; a reset does not change it.
         epoch: Resets since the start.
         time: Converts step numbers to simulated time.
+        free_joints: The free joint of every body that has one, body id to joint id, in joint order.
+        free_bodies: Names of those bodies.
 
     Args:
         model: The compiled model; its AUTORESET flag is cleared.
@@ -57,6 +61,12 @@ class Simulation:
         self.epoch = 0
         self.time = StepTime(float(model.opt.timestep))
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        # Made now, since a request with a wrong name must not take the physics thread's time.
+        self._known = {
+            _BODY: Names(self._names(_BODY, model.nbody)),
+            _JOINT: Names(self._names(_JOINT, model.njnt)),
+            _KEY: Names(self.keyframes()),
+        }
         if keyframe:
             mujoco.mj_resetDataKeyframe(model, self.data, self.keyframe_id(keyframe))
         self.data.time = 0.0
@@ -67,6 +77,9 @@ class Simulation:
         self._checkpoint_time = self.data.time
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
+        free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
+        self.free_joints = dict(zip(model.jnt_bodyid[free].tolist(), free.tolist(), strict=True))
+        self.free_bodies = Names(mujoco.mj_id2name(model, _BODY, body) or "" for body in self.free_joints)
         self._kinematics_current = True
         self._forwarded = 0
         self._warnings = self.data.warning.number.data
@@ -182,7 +195,7 @@ class Simulation:
 
     def keyframes(self) -> list[str]:
         """Returns what each of the model's keyframes is called: its name, or its index if it has none."""
-        names = (mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_KEY, i) for i in range(self.model.nkey))
+        names = (mujoco.mj_id2name(self.model, _KEY, i) for i in range(self.model.nkey))
         return [name or str(index) for index, name in enumerate(names)]
 
     def keyframe_id(self, name: str) -> int:
@@ -195,13 +208,13 @@ class Simulation:
         Raises:
             UnknownName: There is no such keyframe.
         """
-        found = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_KEY, name) if name and "\0" not in name else -1
-        if found >= 0:
-            return int(found)
-        # More digits would be no index of a keyframe, and take long to convert.
-        if name.isascii() and name.isdecimal() and len(name) < _MOST_DIGITS and int(name) < self.model.nkey:
-            return int(name)
-        raise UnknownName("keyframe", name, self.keyframes())
+        try:
+            return self._id(_KEY, "keyframe", name)
+        except UnknownName:
+            # More digits would be no index of a keyframe, and take long to convert.
+            if name.isascii() and name.isdecimal() and len(name) < _MOST_DIGITS and int(name) < self.model.nkey:
+                return int(name)
+            raise
 
     def body_id(self, name: str) -> int:
         """Returns the id of a body; `world` is 0.
@@ -209,7 +222,7 @@ class Simulation:
         Raises:
             UnknownName: There is none of that name.
         """
-        return self._id(mujoco.mjtObj.mjOBJ_BODY, "body", name, self.model.nbody)
+        return self._id(_BODY, "body", name)
 
     def joint_id(self, name: str) -> int:
         """Returns the id of a joint.
@@ -217,12 +230,12 @@ class Simulation:
         Raises:
             UnknownName: There is none of that name.
         """
-        return self._id(mujoco.mjtObj.mjOBJ_JOINT, "joint", name, self.model.njnt)
+        return self._id(_JOINT, "joint", name)
 
-    def _id(self, kind: mujoco.mjtObj, word: str, name: str, count: int) -> int:
+    def _id(self, kind: mujoco.mjtObj, word: str, name: str) -> int:
         found = mujoco.mj_name2id(self.model, kind, name) if name and "\0" not in name else -1
         if found < 0:
-            raise UnknownName(word, name, self._names(kind, count))
+            raise UnknownName(word, name, self._known[kind])
         return found
 
     def _names(self, kind: mujoco.mjtObj, count: int) -> list[str]:

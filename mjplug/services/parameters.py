@@ -9,6 +9,7 @@ from mjplug.core.loop import Loop
 from mjplug.core.pacing import Speed
 from mjplug.errors import RequestError, did_you_mean, quoted
 from mjplug.limits import FASTEST, SLOWEST
+from mjplug.near_names import Names
 from mjplug.plugin import Call, Host
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.rcl_interfaces import (
@@ -107,6 +108,7 @@ class ParameterServices:
 
     def __init__(self, parameters: Mapping[str, Live]) -> None:
         self._parameters = dict(sorted(parameters.items()))
+        self._names = Names(parameters)
 
     @property
     def handlers(self) -> Mapping[str, tuple[type[Service], Callable[[Any], Message]]]:
@@ -160,7 +162,7 @@ class ParameterServices:
         name, live = parameter.name, self._parameters.get(parameter.name)
         if live is None:
             raise RequestError(
-                f"there is no parameter {quoted(name)}{did_you_mean(name, self._parameters)}; "
+                f"there is no parameter {quoted(name)}{did_you_mean(name, self._names)}; "
                 f"there are {', '.join(self._parameters)}"
             )
         try:
