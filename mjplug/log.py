@@ -1,4 +1,9 @@
-"""Log lines for a person: time, level where it matters, who, what; written by a thread of their own."""
+"""Log lines for a person: time, level where it matters, who, what; written by a thread of their own.
+
+Text from other programs gets into the log: names, error messages, parts of payloads. A message is therefore always one
+line, with control characters escaped (`one_line`). Tracebacks keep their line breaks, but are indented, so that no line
+of them can be mistaken for a log line. `/rosout` carries the same text.
+"""
 
 import contextlib
 import logging
@@ -6,6 +11,8 @@ import logging.handlers
 import queue
 import sys
 from collections.abc import Iterator
+
+from mjplug.printable import INDENT, lines, one_line
 
 INSTANCES = "mjplug.instance"
 """Parent of the logger of every plugin instance."""
@@ -18,15 +25,45 @@ _COLOURS = {
 }
 
 
-class _Formatter(logging.Formatter):
+class PrintableFormatter(logging.Formatter):
+    """Formats the message and the traceback of a record, with all control characters escaped."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Returns the escaped text of a record; the text of one that `PrintableQueueHandler` sent stays as it is."""
+        if getattr(record, "printable", False):
+            return record.getMessage()
+        text = one_line(record.getMessage())
+        if record.exc_info:
+            text = f"{text}\n{INDENT}{lines(self.formatException(record.exc_info))}"
+        elif record.exc_text:
+            text = f"{text}\n{INDENT}{lines(record.exc_text)}"
+        if record.stack_info:
+            text = f"{text}\n{INDENT}{lines(record.stack_info)}"
+        return text
+
+
+class PrintableQueueHandler(logging.handlers.QueueHandler):
+    """Puts records with escaped text into a queue; a handler behind it writes the text as it is."""
+
+    def __init__(self, queue: "queue.SimpleQueue[logging.LogRecord] | None") -> None:
+        super().__init__(queue)  # type: ignore[arg-type]
+        self.setFormatter(PrintableFormatter())
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        """Returns a copy of the record that has its final text."""
+        prepared: logging.LogRecord = super().prepare(record)
+        prepared.printable = True
+        return prepared
+
+
+class _Formatter(PrintableFormatter):
     def __init__(self, colour: bool) -> None:
-        super().__init__("%(asctime)s %(who)s%(mark)s%(message)s", datefmt="%H:%M:%S")
+        super().__init__(datefmt="%H:%M:%S")
         self._colour = colour
 
     def format(self, record: logging.LogRecord) -> str:
-        record.who = _who(record.name)
-        record.mark = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-        line = super().format(record)
+        mark = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
+        line = f"{self.formatTime(record, self.datefmt)} {_who(record.name)}{mark}{super().format(record)}"
         colour = _COLOURS.get(record.levelno) if self._colour else None
         return f"{colour}{line}\033[0m" if colour else line
 
@@ -55,7 +92,7 @@ def logging_to_stderr(verbosity: int) -> Iterator[None]:
     handler.setFormatter(_Formatter(colour=sys.stderr.isatty()))
     records: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     listener = logging.handlers.QueueListener(records, handler)
-    root, queued = logging.getLogger(), logging.handlers.QueueHandler(records)
+    root, queued = logging.getLogger(), PrintableQueueHandler(records)
     before = root.level
     root.addHandler(queued)
     root.setLevel(logging.WARNING if verbosity < 0 else logging.INFO if verbosity == 0 else logging.DEBUG)

@@ -12,6 +12,7 @@ from mjplug.cli.doctor.command import doctor
 from mjplug.cli.examples import examples
 from mjplug.cli.interface import app as interface_app
 from mjplug.cli.model import app as model_app
+from mjplug.cli.output import complain, complain_of
 from mjplug.cli.plugin import app as plugin_app
 from mjplug.cli.serve import serve
 from mjplug.cli.service import app as service_app
@@ -80,10 +81,8 @@ def main() -> None:
     except MjplugError as error:
         from mjplug.cli.exit_codes import exit_code
 
-        print(_text(error), file=sys.stderr)
+        if isinstance(error, ConfigError):
+            complain_of(error)
+        else:
+            complain(f"error: {error}")
         sys.exit(exit_code(error))
-
-
-def _text(error: MjplugError) -> str:
-    # A configuration error carries its own places, one per line.
-    return str(error) if isinstance(error, ConfigError) else f"error: {error}"

@@ -7,7 +7,7 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.examples import examples
-from mjplug.cli.output import complain, say
+from mjplug.cli.output import complain, complain_of, say
 
 app = typer.Typer(name="config", help="Checks, shows and begins configuration files.", no_args_is_help=True)
 
@@ -44,7 +44,7 @@ def show(config: Config, model: Model = None, set_: Sets = None) -> None:
 
     loaded, plugins = select(read(config, model=model, sets=set_ or []))
     for warning in loaded.warnings:
-        complain(str(warning))
+        complain_of(warning)
     for line in effective(loaded, plugins):
         say(line)
 
@@ -90,7 +90,7 @@ def convert(config: Config, model: Model = None, output: Output = None) -> None:
     draft = read(config, model=model, environ={})
     loaded, _ = select(draft)
     for warning in loaded.warnings:
-        complain(str(warning))
+        complain_of(warning)
     _write(converted(draft, loaded.settings), output)
 
 

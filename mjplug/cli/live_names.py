@@ -2,8 +2,12 @@
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from typing import Any, Literal
+
+_NAME = re.compile(r"[A-Za-z0-9_/]+")
+"""Other names are left out: a shell evaluates what it completes with, and the names come from the network."""
 
 _PATIENCE_MS = 1000
 """How long to wait for a server [ms]: whoever presses TAB waits."""
@@ -19,11 +23,11 @@ def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | 
     """
     try:
         chosen = endpoint or os.environ.get("MJPLUG_CONNECT") or "tcp/127.0.0.1:7447"
-        names = {entry["name"] for server in _servers(chosen) for entry in server[kind]}
+        offered = {str(entry["name"]) for server in _servers(chosen) for entry in server[kind]}
     except Exception:
         # Nothing may come between a user and the prompt.
         return []
-    return sorted(name for name in names if name.startswith(begin))
+    return sorted(name for name in offered if name.startswith(begin) and _NAME.fullmatch(name))
 
 
 def _servers(endpoint: str) -> Iterator[dict[str, Any]]:

@@ -8,16 +8,22 @@ from typing import Any, Literal
 
 import typer
 
+from mjplug.printable import lines, one_line
+
 Format = Literal["yaml", "json", "csv"]
 
 
 def say(text: str = "") -> None:
-    """Prints a line at once. When the reader is gone, as in `| head -1`, the command ends, and has not failed."""
+    """Prints a line at once. When the reader is gone, as in `| head -1`, the command ends, and has not failed.
+
+    On a terminal, control characters other than line breaks and tabs are printed as escapes; a file or a pipe gets the
+    text as it is.
+    """
     if sys.stdout is None:
         # Closed by the shell, as in `>&-`: nobody wants to read.
         return
     try:
-        sys.stdout.write(f"{text}\n")
+        sys.stdout.write(f"{_for_terminal(text) if sys.stdout.isatty() else text}\n")
         sys.stdout.flush()
     except BrokenPipeError:
         # What is left in the buffer would be complained about at the end of the process.
@@ -35,8 +41,19 @@ def say_json(value: Any) -> None:
 
 
 def complain(text: str) -> None:
-    """Prints a line to standard error."""
-    print(text, file=sys.stderr, flush=True)
+    """Prints a sentence to standard error, with control characters escaped; further lines of it are indented."""
+    print(lines(text), file=sys.stderr, flush=True)
+
+
+def complain_of(problem: object) -> None:
+    """Prints a problem of the configuration to standard error; its text has line breaks of its own and is escaped."""
+    print(problem, file=sys.stderr, flush=True)
+
+
+def _for_terminal(text: str) -> str:
+    if text.isprintable():
+        return text
+    return "\n".join("\t".join(one_line(part) for part in line.split("\t")) for line in text.split("\n"))
 
 
 def table(rows: Iterable[Sequence[object]]) -> list[str]:

@@ -98,7 +98,8 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     loaded, plugins = select(draft)
     settings = loaded.settings
     for warning in loaded.warnings:
-        _log.warning("%s", warning)
+        # A problem has several lines, and has escaped what it quotes.
+        _log.warning("%s", warning, extra={"printable": True})
     process.tame_mujoco()
     with _progress(f"compiling {settings.model}"):
         model = load_model(settings.model, *loaded.folders(("model",)))

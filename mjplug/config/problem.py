@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Literal
 from unicodedata import east_asian_width
 
+from mjplug.printable import lines, one_line
+
 _WIDEST = 160
 """Source lines longer than this are shown in part."""
 
@@ -50,13 +52,13 @@ class Problem:
     severity: Literal["error", "warning"] = "error"
 
     def __str__(self) -> str:
-        mark = self.mark
+        mark, name = self.mark, one_line(self.mark.source.name)
         if not 0 < mark.line <= len(mark.source.lines):
-            head = f"{mark.source.name}: {self.severity}: {self.message}"
-            return f"{head}; {self.hint}" if self.hint else head
-        head = f"{mark.source.name}:{mark.line}:{mark.column}: {self.severity}: {self.message}"
+            head = f"{name}: {self.severity}: {lines(self.message)}"
+            return f"{head}; {one_line(self.hint)}" if self.hint else head
+        head = f"{name}:{mark.line}:{mark.column}: {self.severity}: {lines(self.message)}"
         text, before = _excerpt(mark.source.lines[mark.line - 1], mark.column - 1)
-        caret = f"{' ' * 5} | {before}^ {self.hint}".rstrip()
+        caret = f"{' ' * 5} | {before}^ {one_line(self.hint)}".rstrip()
         return f"{head}\n{mark.line:>5} | {text}\n{caret}"
 
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 from mjplug.core.loop import Loop
-from mjplug.log import INSTANCES, ros_string
+from mjplug.log import INSTANCES, PrintableFormatter, ros_string
 from mjplug.plugin import Host, Publisher, QoS
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.rcl_interfaces import Log
@@ -54,7 +54,7 @@ class _Handler(logging.Handler):
         self._posted = False
         self._dropped = 0
         self._publishing: int | None = None
-        self._formatter = logging.Formatter()
+        self._formatter = PrintableFormatter()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Takes a line, on any thread; `logging` lets one thread in at a time."""

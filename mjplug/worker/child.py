@@ -2,14 +2,13 @@
 
 import gc
 import logging
-import logging.handlers
 import os
 import sys
 import threading
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from mjplug.log import INSTANCES
+from mjplug.log import INSTANCES, PrintableQueueHandler
 from mjplug.worker import background
 from mjplug.worker.messages import Done, Failed, Ready, Setup, pack, read, unpack, write
 
@@ -54,7 +53,7 @@ class _Line:
                 return
 
 
-class _LogHandler(logging.handlers.QueueHandler):
+class _LogHandler(PrintableQueueHandler):
     """Sends log records to the server, as those of the plugin's instance."""
 
     def __init__(self, line: _Line, name: str) -> None:

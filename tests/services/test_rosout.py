@@ -73,13 +73,18 @@ def test_an_exception_comes_with_its_traceback(world):
     except ZeroDivisionError:
         logging.getLogger("mjplug").exception("it failed")
     (line,) = lines(world)
-    assert line.msg.startswith("it failed\nTraceback")
+    assert line.msg.startswith("it failed\n    Traceback")
     assert line.msg.endswith("ZeroDivisionError: division by zero")
+
+
+def test_control_characters_reach_ros_tools_as_escapes(world):
+    logging.getLogger("mjplug").warning("from a client: %s", "a\x1b[31m\nFORGED")
+    assert lines(world)[0].msg == "from a client: a\\x1b[31m\\nFORGED"
 
 
 def test_what_is_no_ros_string_is_made_one(world):
     logging.getLogger("mjplug").info("a\0b \udcff")
-    assert lines(world)[0].msg == "a\N{REPLACEMENT CHARACTER}b ?"
+    assert lines(world)[0].msg == "a\\x00b \\udcff"
 
 
 def test_lines_of_other_threads_come_in_their_order_on_the_physics_thread(world):

@@ -62,7 +62,7 @@ def test_a_work_that_fails_is_told_and_begins_anew(server, told_errors):
     told.wait(lambda: told.lost)
     assert told.lost == [({"bad", "other"}, "it failed: ValueError('a bad task')")]
     trace, note = told_errors()
-    assert trace.startswith("bad, other could not be made\nTraceback")
+    assert trace.startswith("bad, other could not be made\n    Traceback")
     assert trace.endswith("ValueError: a bad task")
     assert note == "the worker process: it failed: ValueError('a bad task'); it is started again in 0.5 s"
     told.wait_for_ready(2)
