@@ -118,6 +118,7 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
         say(f"ok · {summary}")
         return
+    from mjplug.wire.encoding import Limits
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
@@ -130,7 +131,8 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     ros2 = None
     if settings.ros2.enabled:
         ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro)
-    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", ros2=ros2)
+    limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
+    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", limits, ros2=ros2)
     workers = ProcessWorkers(wanted, network.session.endpoints)
     try:
         server = Server(settings, simulation, network, plugins, workers, model.path)

@@ -87,6 +87,17 @@ class Zenoh(Section):
         None,
         description="A Zenoh configuration file (JSON5): TLS, users, access control and all else that Zenoh can do.",
     )
+    max_payload_bytes: int = Field(
+        1 << 20,
+        ge=1024,
+        description="The longest message or request that is accepted [bytes]; longer ones are refused.",
+    )
+    max_json_bytes: int = Field(
+        64 * 1024,
+        ge=1024,
+        description="The longest message or request in JSON that is accepted [bytes]. Physics waits while JSON is "
+        "decoded, about 6 ms at most with the default, and longer in proportion; CDR has no such limit.",
+    )
 
 
 class Ros2(Section):

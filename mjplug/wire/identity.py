@@ -1,12 +1,15 @@
 """One server per name: each keeps a liveliness token, and a second one with the same name is refused."""
 
 import logging
+import time
 from dataclasses import dataclass
 
 import zenoh
 from zenoh.handlers import Callback
 
 from mjplug.errors import WireError
+from mjplug.wire.rejections import Rejections
+from mjplug_schemas import names
 
 _LOG = logging.getLogger(__name__)
 
@@ -16,9 +19,18 @@ TOKENS = "@mjplug"
 _PATIENCE = 2.0
 """How long to wait for tokens [s]; the answer comes within a millisecond unless the network is in trouble."""
 
+_CHALLENGE = 2.0
+"""How long the holder of a name has to answer [s]; a server answers within milliseconds, whatever its physics does."""
+
+_RETRY = 0.1
+"""Pause between two questions to the holder [s]."""
+
 
 def refuse_duplicate(session: zenoh.Session, name: str) -> None:
     """Checks that no server on the network has this name.
+
+    Any program can declare a token, so a token alone does not keep a server from starting: its holder is asked for its
+    interfaces. If there is no answer within 2 s, a warning is logged.
 
     Ask through a client session: a router tells its clients about everybody at once, a peer learns it bit by bit.
 
@@ -29,12 +41,41 @@ def refuse_duplicate(session: zenoh.Session, name: str) -> None:
     Raises:
         WireError: A server has it.
     """
-    for reply in session.liveliness().get(_tokens_of(name), timeout=_PATIENCE):
-        if reply.ok is not None:
+    until = time.monotonic() + _CHALLENGE
+    while (holder := _token_holder(session, name)) is not None:
+        if _answers(session, name, until - time.monotonic()):
             raise WireError(
-                f"a server named {name} is already on this network (Zenoh id {_holder(reply.ok)}); "
+                f"a server named {name} is already on this network (Zenoh id {holder}); "
                 "stop it, or give this one another node_name or namespace"
             )
+        if time.monotonic() >= until:
+            _LOG.warning(
+                "Zenoh id %s announces a server named %s, but no such server answered within %g s: starting all the "
+                "same. If a server of this name hangs, stop it, or give this one another node_name or namespace",
+                holder,
+                name,
+                _CHALLENGE,
+            )
+            return
+        time.sleep(_RETRY)
+
+
+def _token_holder(session: zenoh.Session, name: str) -> str | None:
+    """Returns the Zenoh id in a token of the name; None if there is no token."""
+    found = None
+    for reply in session.liveliness().get(_tokens_of(name), timeout=_PATIENCE):
+        if reply.ok is not None:
+            found = found or _holder(reply.ok)
+    return found
+
+
+def _answers(session: zenoh.Session, name: str, seconds: float) -> bool:
+    """Whether a server of this name answers within a time [s]."""
+    for reply in session.get(f"{names.key(name)}/interfaces", timeout=max(seconds, _RETRY)):
+        # Whatever is answered, somebody serves this name.
+        del reply
+        return True
+    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,14 +93,13 @@ def claim(session: zenoh.Session, name: str) -> Claim:
     an error.
     """
     own = str(session.zid())
+    others = Rejections(f"the name {name} is announced by others too", logging.ERROR)
 
     def appeared(sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT and (other := _holder(sample)) != own:
-            _LOG.error(
-                "another server named %s has appeared on this network (Zenoh id %s): requests may reach either; "
-                "stop one of them, or give it another node_name or namespace",
-                name,
-                other,
+            others.add(
+                f"another server named {name} has appeared on this network (Zenoh id {other}): requests may reach "
+                "either; stop one of them, or give it another node_name or namespace"
             )
 
     liveliness = session.liveliness()

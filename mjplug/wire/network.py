@@ -10,7 +10,7 @@ from mjplug.transport import Call, ServiceName, Topic
 from mjplug.wire import identity
 from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
-from mjplug.wire.encoding import MAX_PAYLOAD
+from mjplug.wire.encoding import DEFAULT_LIMITS, Limits
 from mjplug.wire.interfaces import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.plain import PlainDialect
 from mjplug.wire.publisher import WirePublisher
@@ -39,7 +39,7 @@ class Network:
         session: An open session. The network closes it.
         name: The server's full name, such as `/robot1/mjplug`.
         dialects: What to speak; a topic or service is declared in each.
-        max_payload: The longest sample or request to look at [bytes].
+        limits: How much is accepted in one message or request.
         max_open_calls: How many requests may wait for an answer.
     """
 
@@ -48,19 +48,20 @@ class Network:
         session: WireSession,
         name: str,
         dialects: Sequence[Dialect],
-        max_payload: int = MAX_PAYLOAD,
+        limits: Limits = DEFAULT_LIMITS,
         max_open_calls: int = MAX_OPEN_CALLS,
     ) -> None:
         self.session = session
         self.open_calls = OpenCalls(max_open_calls)
         self._dialects = tuple(dialects)
-        self._max_payload = max_payload
+        self._limits = limits
         self.publishers: list[WirePublisher[Any]] = []
         self._types: dict[str, type[Message]] = {}
         self._servers: dict[str, ServiceServer] = {}
         self._subscriptions: list[Subscription[Any]] = []
-        self._claim = identity.claim(session.zenoh, name)
         self._interfaces = InterfacesQueryable(session.zenoh, Listing(name, version("mjplug"), session.endpoint))
+        # After the queryable: whoever sees the token may ask its holder at once.
+        self._claim = identity.claim(session.zenoh, name)
 
     @property
     def listing(self) -> Listing:
@@ -100,7 +101,7 @@ class Network:
         """
         self._check(topic)
         topic.type.from_cdr(topic.type().to_cdr())
-        subscription = Subscription(topic, deliver, self._max_payload)
+        subscription = Subscription(topic, deliver, self._limits)
         self._subscriptions.append(subscription)
         for dialect in self._dialects:
             dialect.open_inlets(topic, subscription.receive)
@@ -118,7 +119,7 @@ class Network:
         """
         if service.name in self._servers:
             raise WireError(f"service {service.name} is offered already; give one of the two another name")
-        server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._max_payload)
+        server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._limits)
         keys: dict[str, str] = {}
         for dialect in self._dialects:
             dialect.open_doors(service, server.receive)
@@ -158,7 +159,7 @@ class Network:
 def open_network(
     settings: SessionSettings,
     name: str,
-    max_payload: int = MAX_PAYLOAD,
+    limits: Limits = DEFAULT_LIMITS,
     max_open_calls: int = MAX_OPEN_CALLS,
     ros2: RosSettings | None = None,
 ) -> Network:
@@ -173,9 +174,9 @@ def open_network(
     try:
         plain = PlainDialect(session.zenoh)
         if ros2 is None:
-            return Network(session, name, [plain], max_payload, max_open_calls)
+            return Network(session, name, [plain], limits, max_open_calls)
         rmw_zenoh = RmwZenohDialect(session.zenoh, name, ros2)
-        network = Network(session, name, [plain, rmw_zenoh], max_payload, max_open_calls)
+        network = Network(session, name, [plain, rmw_zenoh], limits, max_open_calls)
         offer_node_services(rmw_zenoh, name, ros2, network.open_calls)
         return network
     except BaseException:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from mjplug.transport import Call, ServiceName
 from mjplug.wire.calls import OpenCalls, WireCall
 from mjplug.wire.dialect import Inquiry
-from mjplug.wire.encoding import MAX_PAYLOAD, Decoder, PayloadError
+from mjplug.wire.encoding import DEFAULT_LIMITS, Decoder, Limits, PayloadError
 from mjplug.wire.rejections import Rejections
 
 _LOG = logging.getLogger(__name__)
@@ -22,17 +22,21 @@ class ServiceServer:
         service: What is offered.
         deliver: Gets each call; it must only enqueue.
         open_calls: The session's open calls.
-        limit: The longest payload to look at [bytes].
+        limits: How much is accepted.
     """
 
     def __init__(
-        self, service: ServiceName, deliver: Callable[[Call], None], open_calls: OpenCalls, limit: int = MAX_PAYLOAD
+        self,
+        service: ServiceName,
+        deliver: Callable[[Call], None],
+        open_calls: OpenCalls,
+        limits: Limits = DEFAULT_LIMITS,
     ) -> None:
         self.rejections = Rejections(f"service {service.name}: a request was refused")
         self._service = service
         self._deliver = deliver
         self._open_calls = open_calls
-        self._decoder = Decoder(service.type.Request, limit, also=service.type.TYPE, empty=True)
+        self._decoder = Decoder(service.type.Request, limits, also=service.type.TYPE, empty=True)
 
     def receive(self, inquiry: Inquiry) -> None:
         """Takes one request. Never raises: Zenoh's thread has other work to do."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from mjplug.transport import Topic
-from mjplug.wire.encoding import MAX_PAYLOAD, Decoder, PayloadError, Received
+from mjplug.wire.encoding import DEFAULT_LIMITS, Decoder, Limits, PayloadError, Received
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas.message import Message
 
@@ -24,14 +24,14 @@ class Subscription(Generic[M]):
     Args:
         topic: What is read.
         deliver: Gets each message; it must only enqueue.
-        limit: The longest payload to look at [bytes].
+        limits: How much is accepted.
     """
 
-    def __init__(self, topic: Topic[M], deliver: Callable[[M], None], limit: int = MAX_PAYLOAD) -> None:
+    def __init__(self, topic: Topic[M], deliver: Callable[[M], None], limits: Limits = DEFAULT_LIMITS) -> None:
         self.rejections = Rejections(f"topic {topic.name}: a sample was refused")
         self.topic = topic
         self._deliver = deliver
-        self._decoder = Decoder(topic.type, limit)
+        self._decoder = Decoder(topic.type, limits)
 
     def receive(self, received: Received) -> None:
         """Takes one sample. Never raises: Zenoh's thread has other work to do."""

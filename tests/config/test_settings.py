@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from mjplug.config.settings import Section, Settings
+from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 
 
 def test_defaults_are_those_of_the_documentation():
@@ -25,7 +26,14 @@ def test_defaults_are_those_of_the_documentation():
             "clock_rate": 100.0,
             "on_divergence": "pause",
         },
-        "zenoh": {"mode": "auto", "listen": None, "connect": (), "config": None},
+        "zenoh": {
+            "mode": "auto",
+            "listen": None,
+            "connect": (),
+            "config": None,
+            "max_payload_bytes": MAX_PAYLOAD,
+            "max_json_bytes": MAX_JSON,
+        },
         "ros2": {"enabled": True, "domain_id": 0, "distro": "jazzy"},
         "plugins": {},
         "ros_params": (),

@@ -27,7 +27,7 @@ from mjplug.plugin.selection import Selected
 from mjplug.plugin.world_view import WorldView
 from mjplug.server import Server
 from mjplug.wire.calls import MAX_OPEN_CALLS
-from mjplug.wire.encoding import MAX_PAYLOAD
+from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 
 CONFIGURATION, WIRE, PLUGINS, CLI, CLIENT = "configuration.md", "wire.md", "plugins.md", "cli.md", "client.md"
 
@@ -262,6 +262,7 @@ def test_everything_in_the_plugin_api_is_described():
 def test_limits_are_those_of_the_code():
     text = section(WIRE, "Limits")
     assert f"{MAX_PAYLOAD} bytes" in text
+    assert f"{MAX_JSON} bytes" in text
     assert text.count(str(MAX_OPEN_CALLS)) == 2
 
 

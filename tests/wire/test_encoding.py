@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh import Encoding, ZBytes
 
-from mjplug.wire.encoding import Decoder, PayloadError, Received, encoding_of
+from mjplug.wire.encoding import Decoder, Limits, PayloadError, Received, encoding_of
 from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas.idl import boolean, string
@@ -103,22 +103,52 @@ def test_a_payload_over_the_limit_is_not_looked_at():
         from_cdr = from_json
 
     with pytest.raises(PayloadError, match="the payload has 101 bytes; at most 100 are accepted"):
-        decode(b"{" * 101, None, Decoder(Untouchable, limit=100))
+        decode(b"{" * 101, None, Decoder(Untouchable, Limits(payload=100, json=6400)))
     with pytest.raises(AssertionError, match="decoded"):
-        decode(b"{" * 100, None, Decoder(Untouchable, limit=100))
+        decode(b"{" * 100, None, Decoder(Untouchable, Limits(payload=100, json=6400)))
 
 
-def test_json_of_too_many_objects_is_not_decoded_but_the_same_in_cdr_is():
-    many = ApplyExternalWrench.Request.from_json(_wrenches(5000))
+def test_json_that_takes_long_to_decode_is_refused_but_the_same_in_cdr_is_not():
     decoder = Decoder(ApplyExternalWrench.Request)
-    assert decode(_wrenches(9998), None, decoder)[0] == "json"
+    assert decode(_wrenches(1022), None, decoder)[0] == "json"
     for encoding in (None, "application/json"):
         with pytest.raises(PayloadError) as refused:
-            decode(_wrenches(300_000), encoding, decoder)
-        assert str(refused.value) == (
-            "the JSON has 300002 objects (counted by '{'); at most 10000 are accepted, send CDR"
-        )
+            decode(_wrenches(1023), encoding, decoder)
+        assert str(refused.value) == "the JSON has 1025 objects (counted by '{'); at most 1024 are accepted, send CDR"
+    many = ApplyExternalWrench.Request.from_json(_wrenches(5000))
     assert decode(many.to_cdr(), None, decoder) == ("cdr", many)
+
+
+@pytest.mark.parametrize(
+    ("payload", "sentence"),
+    [
+        (
+            b'{"data": "%s"}' % (b"x" * 65525),
+            "the JSON has 65537 bytes; at most 65536 are accepted (zenoh.max_json_bytes)",
+        ),
+        (
+            b"{%s}" % b",".join([b'"a":1'] * 4097),
+            "the JSON has 4097 fields (counted by ':'); at most 4096 are accepted",
+        ),
+    ],
+)
+def test_json_over_a_limit_is_refused_before_it_is_decoded(payload, sentence):
+    for encoding in (None, "application/json", "text/json"):
+        with pytest.raises(PayloadError) as refused:
+            decode(payload, encoding)
+        assert str(refused.value) == f"{sentence}, send CDR"
+
+
+def test_json_of_exactly_the_limit_is_decoded():
+    text = "x" * 65524
+    assert decode(b'{"data": "%s"}' % text.encode()) == ("json", String(data=text))
+
+
+def test_the_limits_of_json_grow_with_the_setting():
+    decoder = Decoder(ApplyExternalWrench.Request, Limits(json=1 << 20))
+    assert decode(_wrenches(16_382), None, decoder)[0] == "json"
+    with pytest.raises(PayloadError, match="at most 16384 are accepted"):
+        decode(_wrenches(16_383), None, decoder)
 
 
 def _wrenches(count):

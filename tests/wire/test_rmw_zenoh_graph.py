@@ -27,6 +27,7 @@ from mjplug.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.mismatches import MOST_HASHES
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
@@ -144,6 +145,25 @@ def test_another_definition_of_a_type_is_said_aloud_once(network, client, caplog
     )
     assert "`ros2 interface show std_msgs/msg/String`" in line
     assert "mjplug/interfaces?schema=true" in line
+
+
+def test_a_flood_of_type_hashes_neither_fills_the_log_nor_memory(network, client, caplog):
+    zid = str(client.session.zid())
+    theirs = f"@ros2_lv/0/{zid}/0/1/MS/%/%/listener/%mujoco_heartbeat/std_msgs::msg::dds_::String_"
+    count = 300
+    declare = client.session.liveliness().declare_token
+    kept = [declare(f"{theirs}/RIHS01_{number:064x}/::,10:,:,:,,") for number in range(count)]
+    client.settle()
+    network.open_publisher(HEARTBEAT)
+    # In order behind the tokens on the same link.
+    client.settle()
+    lines = [line for line in caplog.messages if "type hash" in line]
+    told = [line for line in lines if line.startswith("/mujoco_heartbeat: node /listener")]
+    more = [line.partition(": the latest")[0] for line in lines if line not in told]
+    assert len(told) == MOST_HASHES
+    what = "/mujoco_heartbeat: nodes announce further type hashes of std_msgs/msg/String"
+    assert more == [f"{what} ({number} so far)" for number in (1, 10, 100)]
+    assert len(kept) == count
 
 
 @pytest.mark.parametrize(

@@ -72,8 +72,8 @@ def test_a_deferred_response_has_the_bytes_of_the_worked_example(network, client
     assert attachment[16:] == b"\x10" + WHO
 
 
-@pytest.mark.parametrize("type_hash", ["TypeHashNotSupported", "RIHS01_" + "0" * 64])
-def test_requests_are_answered_whatever_their_hash(network, client, type_hash):
+@pytest.mark.parametrize("type_hash", ["TypeHashNotSupported", RosSettings().type_hash(Trigger)])
+def test_requests_with_our_hash_and_of_humble_are_answered(network, client, type_hash):
     network.open_service(
         ServiceName("/trigger", Trigger), lambda call: call.respond(Trigger.Response(success=True, message="done"))
     )
@@ -82,6 +82,29 @@ def test_requests_are_answered_whatever_their_hash(network, client, type_hash):
     sample = request(client, key, b"\0\1\0\0\0", Attachment(1, 1, WHO).to_bytes()).ok
     assert str(sample.key_expr) == key
     assert Trigger.Response.from_cdr(bytes(sample.payload)).message == "done"
+
+
+@pytest.mark.parametrize("distro", ["jazzy", "humble"])
+def test_a_request_of_another_definition_is_refused_and_not_decoded(new_ros_network, client_of, distro):
+    network = new_ros_network(distro=distro)
+    client = client_of(network.session.endpoint)
+    calls = []
+    network.open_service(ServiceName("/set", SetBool), calls.append)
+    foreign = "RIHS01_" + "0" * 64
+    attachment = Attachment(7, 1, WHO)
+    key = f"0/set/std_srvs::srv::dds_::SetBool_/{foreign}"
+    client.settle()
+    reply = request(client, key, SetBool.Request(data=True).to_cdr(), attachment.to_bytes())
+    response = SetBool.Response.from_cdr(bytes(reply.ok.payload))
+    ours = RosSettings().type_hash(SetBool)
+    assert response == SetBool.Response(
+        success=False,
+        message="the sender has another definition of std_srvs/srv/SetBool: "
+        f"its type hash is {foreign}, here it is {ours}",
+    )
+    assert Attachment.from_bytes(bytes(reply.ok.attachment)).sequence_number == 7
+    assert calls == []
+    assert network.refused() == {"/set": 1}
 
 
 def test_a_client_that_leaves_the_hash_open_gets_ours(network, client):

@@ -9,7 +9,7 @@ from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, PATIENCE, WHO, Matched, toke
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_publisher, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
-from mjplug.transport import LATCHED, LATEST, Topic
+from mjplug.transport import DEFAULT, LATCHED, LATEST, Topic
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.tokens import gid
@@ -100,8 +100,8 @@ def test_a_late_node_gets_the_last_latched_message_as_it_was_sent(network, clien
     subscriber.undeclare()
 
 
-@pytest.mark.parametrize("type_hash", [RosSettings().type_hash(Twist), "TypeHashNotSupported", "RIHS01_" + "0" * 64])
-def test_messages_of_nodes_are_read_whatever_their_hash(network, client, type_hash):
+@pytest.mark.parametrize("type_hash", [RosSettings().type_hash(Twist), "TypeHashNotSupported"])
+def test_messages_of_nodes_with_our_hash_and_of_humble_are_read(network, client, type_hash):
     got = queue.SimpleQueue()
     network.open_subscription(Topic("/cmd_vel", Twist, LATEST), got.put)
     twist = Twist(linear=Vector3(x=0.5))
@@ -109,6 +109,19 @@ def test_messages_of_nodes_are_read_whatever_their_hash(network, client, type_ha
     publisher.put(b"\0\1\0\0not a twist", attachment=Attachment(1, 1, WHO).to_bytes())
     publisher.put(twist.to_cdr(), encoding="image/png", attachment=Attachment(2, 1, WHO).to_bytes())
     assert got.get(timeout=PATIENCE) == twist
+
+
+def test_a_message_of_another_definition_is_counted_and_not_decoded(network, client):
+    messages = queue.SimpleQueue()
+    network.open_subscription(Topic("/cmd_vel", Twist, DEFAULT), messages.put)
+    key = "0/cmd_vel/geometry_msgs::msg::dds_::Twist_"
+    foreign = client.publisher(f"{key}/RIHS01_{'0' * 64}")
+    ours = client.publisher(f"{key}/{RosSettings().type_hash(Twist)}")
+    foreign.put(Twist(linear=Vector3(x=1.0)).to_cdr())
+    until(lambda: network.refused() == {"/cmd_vel": 1})
+    ours.put(Twist(linear=Vector3(x=2.0)).to_cdr())
+    assert messages.get(timeout=PATIENCE).linear.x == 2.0
+    assert messages.empty()
 
 
 def test_a_latched_subscription_gets_what_a_node_sent_before(network, client):

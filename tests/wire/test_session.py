@@ -87,6 +87,43 @@ def test_a_second_server_of_the_same_name_is_refused(network, new_network):
     new_network("/mjplug", listen=network.session.listening)
 
 
+def test_a_token_without_a_server_does_not_keep_a_server_from_starting(
+    network, client, new_network, monkeypatch, caplog
+):
+    monkeypatch.setattr(identity, "_CHALLENGE", 0.3)
+    kept = client.session.liveliness().declare_token("@mjplug/victim/squatter\x1b[31m")
+    client.settle()
+    victim = new_network("/victim", listen=network.session.listening)
+    assert client.call("victim/interfaces").json["name"] == victim.listing.name == "/victim"
+    (warning,) = [line for line in caplog.messages if "announces a server" in line]
+    assert "announces a server named /victim, but no such server answered within 0.3 s" in warning
+    kept.undeclare()
+
+
+def test_a_server_whose_answer_is_slow_keeps_its_name(network, new_network, client_of, opened):
+    slow = client_of(network.session.endpoint)
+    slow._kept.append(slow.session.liveliness().declare_token("@mjplug/slow/holder"))
+
+    def answer(query):
+        threading.Event().wait(0.4)
+        with query:
+            query.reply("slow/interfaces", b"{}")
+
+    slow._kept.append(slow.session.declare_queryable("slow/interfaces", answer))
+    slow.settle()
+    with pytest.raises(WireError, match="a server named /slow is already on this network"):
+        new_network("/slow", listen=network.session.listening)
+
+
+def test_a_flood_of_tokens_of_our_name_does_not_fill_the_log(network, client, caplog):
+    declare = client.session.liveliness().declare_token
+    kept = [declare(f"@mjplug/mjplug/other{number}") for number in range(150)]
+    client.settle()
+    errors = [line for line in caplog.messages if "another server named /mjplug has appeared" in line]
+    assert len(errors) == 3
+    assert len(kept) == 150
+
+
 def test_a_server_of_the_same_name_is_found_behind_the_router(network, new_network):
     new_network("/robot2/mjplug", listen=network.session.listening)
     for mode, listen in (("auto", network.session.listening), ("peer", None), ("client", None)):
@@ -120,7 +157,7 @@ class Warned(logging.Handler):
 @pytest.fixture
 def warned():
     handler = Warned()
-    logger = logging.getLogger("mjplug.wire.identity")
+    logger = logging.getLogger("mjplug.wire.rejections")
     logger.addHandler(handler)
     yield handler
     logger.removeHandler(handler)

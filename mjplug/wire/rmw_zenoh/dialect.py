@@ -18,7 +18,7 @@ from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.inquiry import RmwInquiry
-from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.rmw_zenoh.keys import RosSettings, foreign_definition
 from mjplug.wire.rmw_zenoh.mismatches import Mismatches
 from mjplug.wire.rmw_zenoh.outlets import LatchedRmwOutlet, LiveRmwOutlet
 from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
@@ -77,7 +77,8 @@ class RmwZenohDialect:
         def handle(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
                 # The encoding says nothing: nodes leave it out, and read whatever it says.
-                receive(Received(sample.payload, None, "cdr"))
+                unfit = foreign_definition(str(sample.key_expr), topic.type)
+                receive(Received(sample.payload, None, "cdr", unfit))
 
         key, handler = self._settings.any_hash_key(topic.name, topic.type), Callback(handle, indirect=False)
         self._inlets.append(open_inlet(self._session, key, handler, topic.qos))
@@ -109,7 +110,7 @@ class RmwZenohDialect:
                 else:
                     complain(query, str(error))
             else:
-                receive(RmwInquiry(query, key, attachment))
+                receive(RmwInquiry(query, key, attachment, foreign_definition(key, service.type)))
 
         def refuse(query: zenoh.Query, key: str, attachment: bytes, sentence: str) -> None:
             # A node with another rmw_zenoh would wait on after an error reply. It knows its own attachment again.

@@ -17,12 +17,13 @@ class RmwInquiry:
         query: The query.
         key: The key of the response.
         attachment: The attachment of the request.
+        unfit: Why the request cannot be decoded, if the key says so.
     """
 
     needs_response = True
 
-    def __init__(self, query: zenoh.Query, key: str, attachment: Attachment) -> None:
-        self.received = Received(query.payload, None, "cdr")
+    def __init__(self, query: zenoh.Query, key: str, attachment: Attachment, unfit: str = "") -> None:
+        self.received = Received(query.payload, None, "cdr", unfit)
         self.parameters: Mapping[str, str] = {}
         self._query = query
         self._key = key

@@ -1,7 +1,7 @@
 """Data keys: `<domain>/<name>/<type as in DDS>/<type hash>`, the same for a topic and for a service.
 
-Whoever puts or asks names one hash. Whoever listens or answers leaves it open (`*`), so that a type whose definition
-differs between two distributions is heard and can be talked about.
+A sender names one hash. A subscription or a server declares its key with any hash (`*`), so that a node with another
+definition of the type gets a refusal, or is counted and named in the log, instead of silence.
 """
 
 from dataclasses import dataclass
@@ -45,3 +45,17 @@ class RosSettings:
 
     def _any_key(self, name: str, interface: type[Message] | type[Service]) -> str:
         return f"{self.domain_id}/{names.key(name)}/{names.dds_type(interface.TYPE)}"
+
+
+def foreign_definition(key: str, interface: type[Message] | type[Service]) -> str:
+    """Returns why bytes with this data key cannot be decoded; empty if they can.
+
+    The last chunk of the key is the hash of the definition that the sender has. Humble has no hashes, and a query may
+    leave the hash open: both are taken for our definition.
+    """
+    # Any: mypy does not take a class for a hashable argument of a cached function.
+    hashable: Any = interface
+    theirs, ours = key.rpartition("/")[2], type_hash(hashable)
+    if theirs in (ours, NO_HASH, "*"):
+        return ""
+    return f"the sender has another definition of {interface.TYPE}: its type hash is {theirs}, here it is {ours}"

@@ -10,11 +10,19 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
+from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.keys import NO_HASH
 from mjplug.wire.rmw_zenoh.tokens import OPPOSITE, EndpointKind, endpoints_of, read_endpoint
 from mjplug_schemas import names
 
 _LOG = logging.getLogger(__name__)
+
+MOST_HASHES = 4
+"""How many foreign type hashes of one topic or service get a warning of their own.
+
+Any program on the network can announce any number of them, so the others are counted, and logged at the first, the
+tenth, the hundredth and so on.
+"""
 
 _WHAT: Final[dict[EndpointKind, str]] = {
     "MP": "a publisher",
@@ -39,10 +47,12 @@ class Mismatches:
         self._interfaces = f"{names.key(name)}/interfaces?schema=true"
         self._own_zid = str(session.zid())
         self._watchers: list[object] = []
-        self._told: set[tuple[str, str]] = set()
+        self._reported: dict[str, set[str]] = {}
 
     def watch(self, kind: EndpointKind, name: str, type_name: str, type_hash: str) -> None:
-        """Warns of endpoints on the other side of this one that have another type hash: once for a name and a hash.
+        """Warns of endpoints on the other side of this one that have another type hash.
+
+        Each hash gets one warning; after `MOST_HASHES` of one name, warnings become rare.
 
         Args:
             kind: What ours is.
@@ -52,23 +62,29 @@ class Mismatches:
         """
         other = OPPOSITE[kind]
 
+        reported = self._reported.setdefault(name, set())
+        more = Rejections(f"{name}: nodes announce further type hashes of {type_name}")
+
         def appeared(sample: zenoh.Sample) -> None:
             if sample.kind != zenoh.SampleKind.PUT:
                 return
             endpoint = read_endpoint(str(sample.key_expr))
-            told = (name, endpoint.type_hash)
-            if endpoint.zid != self._own_zid and endpoint.type_hash != type_hash and told not in self._told:
-                self._told.add(told)
-                _LOG.warning(
-                    "%s: node %s has %s for %s with type hash %s, mjplug has %s. %s",
-                    name,
-                    endpoint.node,
-                    _WHAT[other],
-                    type_name,
-                    endpoint.type_hash,
-                    type_hash,
-                    self._way_out(type_name, endpoint.type_hash, type_hash),
-                )
+            if endpoint.zid == self._own_zid or endpoint.type_hash == type_hash or endpoint.type_hash in reported:
+                return
+            if len(reported) >= MOST_HASHES:
+                more.add(f"the latest is {endpoint.type_hash} of {_WHAT[other]} of node {endpoint.node}")
+                return
+            reported.add(endpoint.type_hash)
+            _LOG.warning(
+                "%s: node %s has %s for %s with type hash %s, mjplug has %s. %s",
+                name,
+                endpoint.node,
+                _WHAT[other],
+                type_name,
+                endpoint.type_hash,
+                type_hash,
+                self._way_out(type_name, endpoint.type_hash, type_hash),
+            )
 
         tokens = endpoints_of(self._domain_id, other, name, type_name)
         handler = Callback(appeared, indirect=False)
