@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus
 
 _LEVELS = {0: "ok", 1: "WARN", 2: "ERROR", 3: "STALE"}
-_OWN = ("simulation", "wire", "topics", "plugins")
+_OWN = ("simulation", "wire", "inbox", "topics", "plugins")
+_LOST = ("refused as busy on ", "refused on ", "replaced on ")
 _PERCENT, _CALLS, _UPDATE, _HERTZ = " (%)", " calls (Hz)", " update (us)", " (Hz)"
 
 
@@ -36,7 +37,7 @@ def lines(message: DiagnosticArray, server: str) -> list[Line]:
         found.append(Line(f"wire: {wire.message}", wire.level))
     parts = {name: status for name, status in statuses.items() if name not in _OWN}
     found += _plugins(figures.get("plugins", {}), parts, figures)
-    return found + _topics(figures.get("topics", {}))
+    return found + _topics(figures.get("topics", {})) + _lost(figures.get("wire", {}), figures.get("inbox", {}))
 
 
 def _overview(simulation: Mapping[str, str], wire: Mapping[str, str]) -> list[Line]:
@@ -91,6 +92,18 @@ def _plugins(
 def _topics(rates: Mapping[str, str]) -> list[Line]:
     rows = [[name.removesuffix(_HERTZ), _short(rate)] for name, rate in rates.items()]
     return _table(["TOPIC SOMEBODY LISTENS TO", "MESSAGES/S"], rows, [0] * len(rows))
+
+
+def _lost(wire: Mapping[str, str], inbox: Mapping[str, str]) -> list[Line]:
+    """Returns a table of what did not reach the simulation, by topic and service."""
+    rows: dict[str, list[str]] = {}
+    for key, count in (*wire.items(), *inbox.items()):
+        for column, prefix in enumerate(_LOST):
+            if key.startswith(prefix):
+                rows.setdefault(key.removeprefix(prefix), ["0"] * len(_LOST))[column] = _short(count)
+                break
+    table = [[name, counts[1], counts[0], counts[2]] for name, counts in sorted(rows.items())]
+    return _table(["NOT DELIVERED", "REFUSED", "BUSY", "REPLACED"], table, [0] * len(table))
 
 
 def _table(heading: Sequence[str], rows: Sequence[Sequence[str]], levels: Iterable[int]) -> list[Line]:

@@ -14,7 +14,7 @@ from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
 from mjplug.client.patience import bounded
-from mjplug.wire.encoding import Decoder, PayloadError, Received
+from mjplug.wire.encoding import Decoder, Limits, PayloadError, Received
 
 _log = logging.getLogger(__name__)
 
@@ -188,5 +188,5 @@ class Subscription(Generic[M]):
 def _decoder(type: Any) -> Callable[[zenoh.Sample], Any]:
     if type is dict:
         return lambda sample: json.loads(sample.payload.to_bytes())
-    decoder = Decoder(type, _LARGEST)
+    decoder = Decoder(type, Limits(_LARGEST, _LARGEST))
     return lambda sample: decoder.decode(Received(sample.payload, sample.encoding))[1]

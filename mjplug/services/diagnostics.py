@@ -6,6 +6,7 @@ from time import perf_counter
 from mjplug.core.loop import SECOND, Loop
 from mjplug.diagnosis import Diagnosis, Diagnostics
 from mjplug.plugin import DEFAULT, Call, Host
+from mjplug.services.inbox_health import InboxHealth
 from mjplug.services.simulation_health import SimulationHealth
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus, KeyValue
 from mjplug_schemas.std_msgs import Header
@@ -45,6 +46,7 @@ def offer(host: Host, loop: Loop, diagnostics: Diagnostics, server: str) -> None
     asked: deque[tuple[float, DiagnosticArray]] = deque(maxlen=1)
     health = SimulationHealth(loop, perf_counter())
     diagnostics.add("simulation", health.diagnose)
+    diagnostics.add("inbox", InboxHealth(loop.inbox).diagnose)
     publisher = host.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
     loop.on_second.append(publish)
     host.create_service(Trigger, "~/get_diagnostics", answer)

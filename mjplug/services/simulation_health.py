@@ -70,11 +70,7 @@ class SimulationHealth:
             "divergences": loop.recovery.count,
             "last divergence": loop.recovery.last,
             "waiting requests": loop.scheduler.waiting,
-            "calls in the inbox": loop.inbox.waiting,
-            "inbox overruns": loop.inbox.overruns,
         }
-        # A copy, since other threads add topics.
-        values |= {f"messages replaced on {topic}": n for topic, n in sorted(dict(loop.inbox.replaced).items())}
         return Diagnosis(level, message, values)
 
     def _verdict(self, factor: float) -> tuple[Level, str]:

@@ -1,6 +1,8 @@
 """The requests that wait for an answer: any thread may answer, once, and a stop refuses them all."""
 
+import threading
 from collections.abc import Mapping
+from typing import Literal
 
 from mjplug.wire.dialect import Inquiry
 from mjplug.wire.encoding import Form, encode
@@ -12,12 +14,24 @@ from mjplug_schemas.message import Message, Service
 MAX_OPEN_CALLS = 4096
 """Default limit of requests that wait at the same time for services of one type."""
 
+MAX_OPEN_BYTES = 32 << 20
+"""Default limit of the bytes of all requests that wait at the same time.
+
+Zenoh keeps a request's payload and attachment until it is answered.
+"""
+
+SMALL = 4096
+"""Requests up to this size [bytes] are admitted whatever the larger ones take, so that those cannot keep them out."""
+
+Admission = Literal["admitted", "busy", "closed"]
+
 
 class WireCall:
     """A decoded request. Implements `mjplug.transport.Call`; any thread may answer, the first answer counts.
 
     Attributes:
         service: The service's class.
+        size: What Zenoh keeps of the request until it is answered [bytes].
 
     Args:
         inquiry: The request as it came.
@@ -31,6 +45,7 @@ class WireCall:
         self, inquiry: Inquiry, request: Message, form: Form, service: type[Service], open_calls: "OpenCalls"
     ) -> None:
         self.request = request
+        self.size = inquiry.size
         self.parameters: Mapping[str, str] = inquiry.parameters
         self._form = form
         self.service = service
@@ -72,10 +87,15 @@ class OpenCalls:
 
     Args:
         limit: How many there may be to services of one type, so that a flood of one leaves the others in reach.
+        most_bytes: How many bytes all of them may have, those of at most `SMALL` bytes aside.
     """
 
-    def __init__(self, limit: int = MAX_OPEN_CALLS) -> None:
+    def __init__(self, limit: int = MAX_OPEN_CALLS, most_bytes: int = MAX_OPEN_BYTES) -> None:
         self._limit = limit
+        self._most_bytes = most_bytes
+        self._bytes = 0
+        # Held while calls are added and removed, by any thread; never while one is answered.
+        self._lock = threading.Lock()
         self._calls: dict[type[Service], set[WireCall]] = {}
         self._closed: str | None = None
         self._untold = Rejections("a client got an empty response")
@@ -84,22 +104,40 @@ class OpenCalls:
     def __len__(self) -> int:
         return sum(map(len, tuple(self._calls.values())))
 
-    def admit(self, call: WireCall) -> bool:
-        """Keeps a call until it is answered, or refuses it and returns False."""
-        calls = self._calls.setdefault(call.service, set())
-        if self._closed is None and len(calls) >= self._limit:
-            call.refuse(f"busy: {self._limit} requests are waiting already")
-            return False
-        calls.add(call)
-        # Read after adding: a call that slips in while `close` runs is seen by one of the two.
-        if self._closed is not None:
-            call.refuse(self._closed)
-            return False
-        return True
+    @property
+    def bytes(self) -> int:
+        """What Zenoh keeps of the requests that wait [bytes], those of at most `SMALL` bytes aside."""
+        return self._bytes
+
+    def admit(self, call: WireCall) -> Admission:
+        """Keeps a call until it is answered, or refuses it and says why."""
+        large = call.size if call.size > SMALL else 0
+        with self._lock:
+            calls = self._calls.setdefault(call.service, set())
+            closed = self._closed
+            if closed is not None:
+                busy = ""
+            elif len(calls) >= self._limit:
+                busy = f"busy: {self._limit} requests are waiting already"
+            elif large and self._bytes + large > self._most_bytes:
+                busy = (
+                    f"busy: the requests that wait have {self._bytes} bytes already, at most {self._most_bytes} are "
+                    "accepted; send it again when they have been answered"
+                )
+            else:
+                calls.add(call)
+                self._bytes += large
+                return "admitted"
+        call.refuse(busy if closed is None else closed)
+        return "busy" if closed is None else "closed"
 
     def discard(self, call: WireCall) -> None:
         """Forgets a call that has been answered."""
-        self._calls.get(call.service, set()).discard(call)
+        with self._lock:
+            calls = self._calls.get(call.service, set())
+            if call in calls:
+                calls.discard(call)
+                self._bytes -= call.size if call.size > SMALL else 0
 
     def refuse(self, inquiry: Inquiry, service: type[Service], reason: str, form: Form) -> None:
         """Answers a request that will not be carried out, in the words of its response type where it has them."""
@@ -118,11 +156,14 @@ class OpenCalls:
 
     def refuse_all(self, reason: str) -> None:
         """Refuses every call that waits."""
-        for call in [call for calls in tuple(self._calls.values()) for call in tuple(calls)]:
+        with self._lock:
+            waiting = [call for calls in self._calls.values() for call in calls]
+        for call in waiting:
             call.refuse(reason)
 
     def close(self, reason: str) -> None:
         """Refuses every call, those to come too, and waits until the answers have left."""
-        self._closed = reason
+        with self._lock:
+            self._closed = reason
         self.refuse_all(reason)
         self.replies.close()

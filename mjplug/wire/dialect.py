@@ -46,6 +46,10 @@ class Inquiry(Protocol):
         """The encoded request."""
 
     @property
+    def size(self) -> int:
+        """What Zenoh keeps of the request until it is answered [bytes]."""
+
+    @property
     def parameters(self) -> Mapping[str, str]:
         """The selector's parameters."""
 
@@ -77,6 +81,9 @@ class Dialect(Protocol):
 
     def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
         """Declares what a service needs."""
+
+    def refused(self) -> Mapping[str, int]:
+        """Returns how many queries could not even be read as requests, by the name of the service."""
 
     def close(self) -> None:
         """Makes every outlet unmatched, for good; the session undeclares the rest."""

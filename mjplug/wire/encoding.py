@@ -20,8 +20,8 @@ MAX_JSON = 64 * 1024
 """Default limit of a JSON payload [bytes].
 
 JSON is decoded in one call that holds Python's global lock, so physics waits for the end of it. What the call costs
-grows with what the text contains: about 0.2 µs for a number, 1.3 µs for a field that the type does not have, 6 µs for an
-object. The limits keep the worst text that is decoded at about 6 ms. CDR is decoded in small steps, between which
+grows with what the text contains: about 0.2 µs for a number, 1.3 µs for a field that the type does not have, 6 µs for
+an object. The limits keep the worst text that is decoded at about 6 ms. CDR is decoded in small steps, between which
 physics runs; the longest wait is for Python's garbage collector (46 ms with 8700 wrenches in 1 MiB).
 """
 

@@ -1,5 +1,6 @@
 """The transport of the server: one Zenoh session, and the dialects that speak on it."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -129,10 +130,18 @@ class Network:
 
     def refused(self) -> dict[str, int]:
         """Returns how many messages and requests could not be read, by the name of the topic or service."""
-        counts = dict.fromkeys((subscription.topic.name for subscription in self._subscriptions), 0)
+        counts: Counter[str] = Counter()
         for subscription in self._subscriptions:
             counts[subscription.topic.name] += subscription.rejections.count
-        return counts | {name: server.rejections.count for name, server in self._servers.items()}
+        for name, server in self._servers.items():
+            counts[name] += server.rejections.count
+        for dialect in self._dialects:
+            counts.update(dialect.refused())
+        return dict(counts)
+
+    def busy(self) -> dict[str, int]:
+        """Returns how many requests were refused because too many were waiting, by the name of the service."""
+        return {name: server.busy.count for name, server in self._servers.items()}
 
     def refuse_open_calls(self, reason: str) -> None:
         """Answers every request that waits with a refusal."""

@@ -79,6 +79,10 @@ class PlainDialect:
 
         self._inlets.append(self._session.declare_queryable(key, Callback(handle, indirect=False), complete=False))
 
+    def refused(self) -> Mapping[str, int]:
+        """Returns nothing: a query on a service's key is always read as a request."""
+        return {}
+
     def close(self) -> None:
         """Makes every outlet unmatched, for good."""
         for outlet in self._outlets:
@@ -98,6 +102,7 @@ class PlainInquiry:
         self.received = Received(query.payload, query.encoding)
         self.parameters = parameters(query)
         self.needs_response = _from_bridge(query.attachment)
+        self.size = size_of(query)
         self._query = query
         self._key = key
         self._encodings = encodings
@@ -111,6 +116,12 @@ class PlainInquiry:
         """Sends one sentence as `text/plain`, whatever the client speaks."""
         with self._query as query:
             query.reply_err(sentence.encode(), encoding=TEXT)
+
+
+def size_of(query: zenoh.Query) -> int:
+    """Returns what Zenoh keeps of a query until it is answered [bytes]."""
+    parts = (query.payload, query.attachment)
+    return sum(len(part) for part in parts if part is not None) + len(str(query.parameters))
 
 
 def parameters(query: zenoh.Query) -> Mapping[str, str]:

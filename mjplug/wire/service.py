@@ -17,6 +17,7 @@ class ServiceServer:
 
     Attributes:
         rejections: The requests that were not valid.
+        busy: The valid requests that were refused because too many were waiting.
 
     Args:
         service: What is offered.
@@ -33,6 +34,7 @@ class ServiceServer:
         limits: Limits = DEFAULT_LIMITS,
     ) -> None:
         self.rejections = Rejections(f"service {service.name}: a request was refused")
+        self.busy = Rejections(f"service {service.name}: a request was refused")
         self._service = service
         self._deliver = deliver
         self._open_calls = open_calls
@@ -51,7 +53,10 @@ class ServiceServer:
                 self._open_calls.replies.post(lambda: inquiry.reply_error(reason))
             return
         call = WireCall(inquiry, request, form, self._service.type, self._open_calls)
-        if not self._open_calls.admit(call):
+        admission = self._open_calls.admit(call)
+        if admission == "busy":
+            self.busy.add("too many requests are waiting for an answer already")
+        if admission != "admitted":
             return
         try:
             self._deliver(call)

@@ -64,6 +64,22 @@ def test_a_table_has_the_simulation_the_plugins_and_the_topics():
     assert [line.text.split()[0] for line in table if line.heading] == ["PLUGIN", "TOPIC"]
 
 
+def test_a_table_has_what_was_not_delivered_by_topic_and_service():
+    table = shown(
+        status("simulation", message="running", **SIMULATION),
+        status(
+            "wire", **{"refused": "2", "refused on /cmd": "2", "refused as busy": "7", "refused as busy on /push": "7"}
+        ),
+        status("inbox", **{"waiting": "0", "replaced": "41", "replaced on /cmd": "41"}),
+    )
+    assert [line.text for line in table][-3:] == [
+        "NOT DELIVERED  REFUSED  BUSY  REPLACED",
+        "/cmd                 2     0        41",
+        "/push                0     7         0",
+    ]
+    assert not any(line.level for line in table)
+
+
 def test_what_is_wrong_is_said():
     table = shown(
         status("simulation", 2, "the simulation diverged", **SIMULATION),

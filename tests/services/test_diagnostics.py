@@ -15,6 +15,7 @@ from mjplug.transport import DEFAULT
 from mjplug.work import Health
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
+from mjplug_schemas.std_msgs import String
 
 
 class WallClock:
@@ -129,7 +130,7 @@ def test_a_status_is_as_ros_tools_expect_it(serve, clock):
     )
     world.loop.step(100)
     statuses = look(world, clock)
-    assert list(statuses) == ["simulation", "camera: front", "lidar"]
+    assert list(statuses) == ["simulation", "inbox", "camera: front", "lidar"]
     front = statuses["camera: front"]
     assert (front.level, front.name, front.message) == (DiagnosticStatus.WARN, "sim: camera: front", "slow")
     assert front.hardware_id == "/robot1/sim"
@@ -140,6 +141,25 @@ def test_a_status_is_as_ros_tools_expect_it(serve, clock):
     assert (message.header.stamp.to_ns(), message.header.frame_id) == (200_000_000, "")
     assert DiagnosticArray.from_cdr(message.to_cdr()) == message
     assert (world.transport.types["/diagnostics"], world.transport.qos["/diagnostics"]) == (DiagnosticArray, DEFAULT)
+
+
+def test_messages_that_newer_ones_replaced_are_counted_by_topic_without_a_warning(serve, clock):
+    world = serve()
+    host = world.host("robot")
+    got = []
+    host.create_subscription(String, "/cmd", lambda message: got.append(message.data))
+    host.create_subscription(String, "/all", lambda message: got.append(message.data), DEFAULT)
+    for word in "abcd":
+        world.transport.send("/cmd", String(data=word))
+        world.transport.send("/all", String(data=word.upper()))
+    assert values(look(world, clock)["inbox"])["waiting"] == "8"
+    world.loop.step(1)
+    world.transport.send("/cmd", String(data="e"))
+    world.loop.step(1)
+    assert got == ["A", "B", "C", "d", "D", "e"]
+    status = look(world, clock)["inbox"]
+    assert values(status) == {"waiting": "0", "overruns": "0", "replaced": "3", "replaced on /cmd": "3"}
+    assert status.level == DiagnosticStatus.OK
 
 
 def test_the_simulation_tells_its_rates_over_the_last_second(serve, clock):
@@ -287,7 +307,7 @@ def test_a_task_that_fails_is_an_error_itself_logged_once_and_hurts_nobody(serve
     world.host("lidar").create_diagnostic("", Diagnosis)
     for _ in range(3):
         statuses = look(world, clock)
-        assert list(statuses) == ["simulation", "camera: front", "lidar"]
+        assert list(statuses) == ["simulation", "inbox", "camera: front", "lidar"]
         assert (statuses["camera: front"].level, statuses["camera: front"].message) == (
             DiagnosticStatus.ERROR,
             sentence,

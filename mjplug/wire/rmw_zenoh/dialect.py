@@ -48,6 +48,7 @@ class RmwZenohDialect:
         self._mismatches = Mismatches(session, settings.domain_id, name)
         self._outlets: list[LiveRmwOutlet | LatchedRmwOutlet] = []
         self._inlets: list[object] = []
+        self._unreadable: dict[str, Rejections] = {}
         self._tokens = [session.liveliness().declare_token(self._node.token)]
 
     def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
@@ -91,6 +92,7 @@ class RmwZenohDialect:
         any_key = self._settings.any_hash_key(service.name, service.type)
         own_key = self._settings.data_key(service.name, service.type)
         unreadable = Rejections(f"service {service.name}: a query was no request of a ROS 2 node")
+        self._unreadable[service.name] = unreadable
 
         def handle(query: zenoh.Query) -> None:
             key = str(query.key_expr)
@@ -125,6 +127,10 @@ class RmwZenohDialect:
         # Complete, since clients ask only those servers that say so.
         self._inlets.append(self._session.declare_queryable(any_key, Callback(handle, indirect=False), complete=True))
         self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
+
+    def refused(self) -> Mapping[str, int]:
+        """Returns how many queries were no requests of a ROS 2 node, by the name of the service."""
+        return {name: rejections.count for name, rejections in self._unreadable.items()}
 
     def close(self) -> None:
         """Makes every outlet unmatched, for good, and leaves the graph: the endpoints first, the node last."""

@@ -24,6 +24,7 @@ class RmwInquiry:
 
     def __init__(self, query: zenoh.Query, key: str, attachment: Attachment, unfit: str = "") -> None:
         self.received = Received(query.payload, None, "cdr", unfit)
+        self.size = len(query.payload) if query.payload is not None else 0
         self.parameters: Mapping[str, str] = {}
         self._query = query
         self._key = key
