@@ -44,11 +44,6 @@ def _servers(endpoint: str) -> Iterator[dict[str, Any]]:
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     with zenoh.open(config) as session:
-        tokens = [reply.ok for reply in session.liveliness().get("@mjplug/**", timeout=_PATIENCE_MS / 1e3)]
-        for token in tokens:
-            if token is None:
-                continue
-            name = str(token.key_expr).removeprefix("@mjplug/").rpartition("/")[0]
-            for reply in session.get(f"{name}/interfaces", timeout=_PATIENCE_MS / 1e3):
-                if reply.ok is not None:
-                    yield json.loads(reply.ok.payload.to_bytes())
+        for reply in session.get("**/interfaces", target=zenoh.QueryTarget.ALL, timeout=_PATIENCE_MS / 1e3):
+            if reply.ok is not None:
+                yield json.loads(reply.ok.payload.to_bytes())

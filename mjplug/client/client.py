@@ -188,10 +188,10 @@ class Client(Graph):
     def _choose(self, name: str, kind: Any) -> tuple[str, TopicInfo | None, Any]:
         """Returns the full name of a topic, what servers say of it, and the class to use."""
         full = self.resolve(name)
-        topics = self.topics()
+        topics, silent = self._topics_for(full)
         topic = topics.get(full)
         if kind is None:
-            topic = self._known("topic", full, topics)
+            topic = self._known("topic", full, topics, silent)
             try:
                 return full, topic, find(topic.type)
             except WrongTypeError as error:

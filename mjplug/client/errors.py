@@ -1,6 +1,6 @@
 """What can go wrong for a client, as exceptions whose text is for a person."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from mjplug.errors import MjplugError, did_you_mean, quoted
@@ -23,12 +23,15 @@ class UnknownNameError(ClientError):
         kind: What was looked for, such as `topic`.
         name: Its name.
         known: The names there are.
+        silent: Servers that are announced but did not answer; one of them may have it.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], silent: Sequence[str] = ()) -> None:
         names = sorted(set(known))
         more = f", … ({len(names)} in all)" if len(names) > _MOST_LISTED else ""
         there = f"there are: {', '.join(names[:_MOST_LISTED])}{more}" if names else f"there is no {kind} at all"
+        if silent:
+            there += f"; announced, but without an answer: {', '.join(silent[:_MOST_LISTED])}"
         super().__init__(f"unknown {kind} {quoted(name)}{_suggestion(name, names)}; {there}")
 
 

@@ -1,5 +1,6 @@
 """What is on a network: its servers, their topics and services, and what names stand for."""
 
+import logging
 import time
 from typing import Any
 
@@ -12,6 +13,11 @@ from mjplug.client.patience import bounded
 from mjplug.client.types import find
 from mjplug_schemas import names
 from mjplug_schemas.errors import NameRuleError
+
+_log = logging.getLogger(__name__)
+
+_NEAREST = 2
+"""How many servers are asked for a name on their own before all are asked."""
 
 _POLL = 0.05
 """How often `wait_for` looks [s]."""
@@ -34,6 +40,7 @@ class Graph:
         self._closed = False
         self.endpoint = endpoint
         self._server = server
+        self._silent: set[str] = set()
 
     @property
     def session(self) -> zenoh.Session:
@@ -57,14 +64,12 @@ class Graph:
         return listing.parse(listing.ask(self.session, self._name()))
 
     def servers(self) -> dict[str, ServerInfo]:
-        """Returns all servers of the network by name; one that is just stopping may be missing."""
-        found, session = {}, self.session
-        for name in listing.server_names(session):
-            try:
-                found[name] = listing.parse(listing.ask(session, name))
-            except ClientError:
-                continue
-        return found
+        """Returns all servers of the network by name.
+
+        All are asked with one query. A server that is announced but does not answer, even when it is asked again, is
+        left out, and a warning is logged once for it.
+        """
+        return self._ask_all()[0]
 
     def nodes(self) -> list[str]:
         """Returns the full names of all servers; each of them is a node to ROS."""
@@ -84,7 +89,8 @@ class Graph:
         Raises:
             UnknownNameError: No server has it.
         """
-        found: TopicInfo = self._known("topic", name, self.topics())
+        servers, silent = self._ask_all()
+        found: TopicInfo = self._known("topic", name, listing.all_topics(servers.values()), silent)
         return found
 
     def service(self, name: str) -> ServiceInfo:
@@ -93,7 +99,12 @@ class Graph:
         Raises:
             UnknownNameError: No server offers it.
         """
-        found: ServiceInfo = self._known("service", name, self.services())
+        full = self.resolve(name)
+        for server in self._nearest(full):
+            if full in server.services:
+                return server.services[full]
+        servers, silent = self._ask_all()
+        found: ServiceInfo = self._known("service", full, listing.all_services(servers.values()), silent)
         return found
 
     def resolve(self, name: str) -> str:
@@ -121,8 +132,9 @@ class Graph:
         """
         if not type.startswith(("/", "~")):
             return find(type)
-        offered: dict[str, Any] = {**self.topics(), **self.services()}
-        return find(self._known("topic or service", type, offered).type)
+        servers, silent = self._ask_all()
+        offered: dict[str, Any] = listing.all_topics(servers.values()) | listing.all_services(servers.values())
+        return find(self._known("topic or service", type, offered, silent).type)
 
     def wait_for(self, name: str, timeout: float = 10.0) -> TopicInfo | ServiceInfo:
         """Waits until a topic or a service is there.
@@ -147,10 +159,47 @@ class Graph:
         except NoServerError:
             # It may be about to start.
             return None
-        for server in self.servers().values():
+        # Silent servers are no reason to warn while something is waited for.
+        for server in (*self._nearest(full), *listing.ask_all(self.session)[0].values()):
             if found := server.topics.get(full) or server.services.get(full):
                 return found
         return None
+
+    def _ask_all(self) -> tuple[dict[str, ServerInfo], tuple[str, ...]]:
+        """Returns all servers that answer, and the names of those that are announced but do not."""
+        servers, silent = listing.ask_all(self.session)
+        for name in silent.keys() - self._silent:
+            _log.warning("%s; it is left out", silent[name])
+        self._silent = set(silent)
+        return servers, tuple(silent)
+
+    def _topics_for(self, full: str) -> tuple[dict[str, TopicInfo], tuple[str, ...]]:
+        """Returns topics, the one of this name among them if there is one, and the servers that did not answer."""
+        for server in self._nearest(full):
+            # Only a publisher tells the topic's quality of service.
+            if full in server.topics and server.topics[full].publishers:
+                return server.topics, ()
+        servers, silent = self._ask_all()
+        return listing.all_topics(servers.values()), silent
+
+    def _nearest(self, full: str) -> list[ServerInfo]:
+        """Returns the servers whose name or namespace a full name begins with, the longest first, `_NEAREST` at most.
+
+        They most likely have it, and asking them takes a millisecond, however many others there are.
+        """
+        near: dict[str, int] = {}
+        for name in listing.server_names(self.session):
+            for start in (name, name.rpartition("/")[0]):
+                if start and full.startswith(f"{start}/"):
+                    near[name] = max(near.get(name, 0), len(start))
+        found = []
+        for name in sorted(near, key=lambda name: -near[name])[:_NEAREST]:
+            try:
+                found.append(listing.parse(listing.ask(self.session, name)))
+            except ClientError:
+                # All servers are asked next, and those that do not answer are reported then.
+                continue
+        return found
 
     def _name(self) -> str:
         if self._server:
@@ -165,8 +214,8 @@ class Graph:
             "or use full names"
         )
 
-    def _known(self, kind: str, name: str, offered: dict[str, Any]) -> Any:
+    def _known(self, kind: str, name: str, offered: dict[str, Any], silent: tuple[str, ...] = ()) -> Any:
         full = self.resolve(name)
         if full not in offered:
-            raise UnknownNameError(kind, full, offered)
+            raise UnknownNameError(kind, full, offered, silent)
         return offered[full]

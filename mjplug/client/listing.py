@@ -1,6 +1,8 @@
 """What servers offer, as their `interfaces` queryables tell it."""
 
 import json
+import re
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -8,10 +10,22 @@ from typing import Any
 import zenoh
 
 from mjplug.client.errors import ClientError, NoServerError
+from mjplug.errors import quoted
+from mjplug.wire.encoding import MAX_KEY
 from mjplug.wire.identity import TOKENS
+from mjplug_schemas.errors import NameRuleError
+from mjplug_schemas.names import key, validate_name
 
 _PATIENCE = 2.0
 """How long to wait for a server's list [s]; it takes a millisecond, and a slow network somewhat longer."""
+
+_ATTEMPTS = 2
+"""How often servers that are announced are asked before they are reported as not answering."""
+
+_RETRY = 0.1
+"""Pause between two attempts [s]."""
+
+_TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +106,49 @@ def server_names(session: zenoh.Session, timeout: float = _PATIENCE) -> tuple[st
     for reply in session.liveliness().get(f"{TOKENS}/**", timeout=timeout):
         if reply.ok is not None:
             # @mjplug/<namespace>/<node name>/<Zenoh id>
-            names.add("/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1]))
+            name = "/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1])
+            try:
+                validate_name(name)
+            except NameRuleError:
+                # No server can have this name; any program can declare such a token.
+                continue
+            names.add(name)
     return tuple(sorted(names))
+
+
+def ask_all(session: zenoh.Session) -> tuple[dict[str, ServerInfo], dict[str, str]]:
+    """Asks all servers of the network at once what they offer.
+
+    Returns:
+        What servers offer, by name, and why others that are announced are missing, by name. A server that has stopped
+        meanwhile is in neither.
+    """
+    found: dict[str, ServerInfo] = {}
+    failed: dict[str, str] = {}
+    announced = set(server_names(session))
+    for attempt in range(_ATTEMPTS):
+        if attempt:
+            time.sleep(_RETRY)
+            announced &= set(server_names(session))
+        if announced <= found.keys():
+            break
+        began = time.monotonic()
+        for reply in session.get("**/interfaces", target=zenoh.QueryTarget.ALL, timeout=_PATIENCE):
+            if reply.ok is None:
+                # Services of ROS 2 nodes match the key expression too, and refuse.
+                continue
+            name = "/" + str(reply.ok.key_expr).removesuffix("/interfaces")
+            if name in announced and name not in found:
+                try:
+                    found[name] = read(name, reply.ok.payload.to_bytes())
+                except ClientError as error:
+                    failed[name] = str(error)
+        waited = time.monotonic() - began
+        for name in announced - found.keys():
+            failed.setdefault(name, f"server {name} is announced but did not answer within {max(waited, 0.01):.2g} s")
+    # A router asks everybody whom it knows at once.
+    present = {name: found[name] for name in sorted(found)}
+    return present, {name: why for name, why in sorted(failed.items()) if name in announced and name not in found}
 
 
 def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, Any]:
@@ -106,15 +161,48 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
 
     Raises:
         NoServerError: It does not answer.
+        ClientError: What it answers is no list of interfaces.
     """
-    selector = f"{name.removeprefix('/')}/interfaces{'?schema=true' if schema else ''}"
+    selector = f"{key(name)}/interfaces{'?schema=true' if schema else ''}"
     for reply in session.get(selector, timeout=_PATIENCE):
         if reply.ok is not None:
-            told: dict[str, Any] = json.loads(reply.ok.payload.to_bytes())
-            return told
+            return _told(name, reply.ok.payload.to_bytes())
         assert reply.err is not None
         raise ClientError(f"server {name} cannot tell what it offers: {reply.err.payload.to_string()}")
     raise NoServerError(f"server {name} does not answer; it may just have stopped")
+
+
+def read(name: str, answer: bytes) -> ServerInfo:
+    """Returns what a server offers.
+
+    Args:
+        name: Its full name.
+        answer: What it answered, as JSON text.
+
+    Raises:
+        ClientError: This is no list of interfaces of the server.
+    """
+    return parse(_told(name, answer))
+
+
+def _told(name: str, answer: bytes) -> dict[str, Any]:
+    """Returns an answer, checked: any program can answer, and names and types are printed and used as keys."""
+    try:
+        told: dict[str, Any] = json.loads(answer)
+        if told["name"] != name:
+            raise ValueError(f"the name in it is {told['name']!r}")
+        for entry in (*told["topics"], *told["services"]):
+            validate_name(entry["name"])
+            if not _TYPE.fullmatch(entry["type"]):
+                raise ValueError(f"{quoted(entry['type'])} is not the name of a type")
+            for field in ("key", "json_key"):
+                if len(entry.get(field, "").encode()) > MAX_KEY:
+                    # Zenoh would panic when a request is sent to it.
+                    raise ValueError(f"the key {quoted(entry[field])} is longer than {MAX_KEY} bytes")
+        parse(told)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, NameRuleError) as error:
+        raise ClientError(f"server {name} does not tell what it offers in a form that can be read: {error!r}") from None
+    return told
 
 
 def parse(told: dict[str, Any]) -> ServerInfo:

@@ -5,7 +5,7 @@ from typing import Generic, Literal, TypeVar
 
 import zenoh
 
-from mjplug.errors import RequestError
+from mjplug.errors import RequestError, WireError, quoted
 from mjplug_schemas.errors import CodecError
 from mjplug_schemas.message import Message
 
@@ -31,6 +31,12 @@ _BYTES_PER_FIELD = 16
 
 That is 1024 objects and 4096 fields by default. Objects are counted by `{` and fields by `:`, which takes 30 µs.
 """
+
+MAX_TYPE_NAME = 255
+"""The longest type name that Zenoh's encoding can carry [bytes]."""
+
+MAX_KEY = 65535
+"""The longest key that Zenoh can send [bytes]."""
 
 TEXT = zenoh.Encoding.TEXT_PLAIN
 """What error replies are: one sentence."""
@@ -81,9 +87,18 @@ DEFAULT_LIMITS = Limits()
 
 
 def encoding_of(form: Form, type: type[Message]) -> zenoh.Encoding:
-    """Returns the mark for a payload: `application/cdr;std_msgs/msg/String` or `application/json`."""
+    """Returns the mark for a payload: `application/cdr;std_msgs/msg/String` or `application/json`.
+
+    Raises:
+        WireError: The name of the type is too long for Zenoh, which would panic when it sends it.
+    """
     if form == "json":
         return zenoh.Encoding.APPLICATION_JSON
+    if (size := len(type.TYPE.encode())) > MAX_TYPE_NAME:
+        raise WireError(
+            f"the name of the type {quoted(type.TYPE)} has {size} bytes; Zenoh can send names of {MAX_TYPE_NAME} bytes "
+            "at most, so give the package or the type a shorter one"
+        )
     return zenoh.Encoding.APPLICATION_CDR.with_schema(type.TYPE)
 
 

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from zenoh import Encoding, ZBytes
 
+from mjplug.errors import WireError
 from mjplug.wire.encoding import Decoder, Limits, PayloadError, Received, encoding_of
 from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
@@ -159,6 +160,19 @@ def test_encodings_name_the_type_of_cdr():
     assert str(encoding_of("cdr", String)) == "application/cdr;std_msgs/msg/String"
     assert str(encoding_of("cdr", SetBool.Response)) == "application/cdr;std_srvs/srv/SetBool_Response"
     assert str(encoding_of("json", String)) == "application/json"
+
+
+def test_a_type_name_that_zenoh_cannot_send_is_refused_before_zenoh_panics():
+    class Short(Message, package="p" * 240):
+        data: string = ""
+
+    Longest = type("L" * 10, (Short,), {"__module__": __name__}, package="p" * 240)  # noqa: N806
+    assert len(Longest.TYPE) == 255
+    assert str(encoding_of("cdr", Longest)).endswith(f";{Longest.TYPE}")
+    TooLong = type("L" * 11, (Short,), {"__module__": __name__}, package="p" * 240)  # noqa: N806
+    with pytest.raises(WireError, match="has 256 bytes; Zenoh can send names of 255 bytes at most"):
+        encoding_of("cdr", TooLong)
+    assert str(encoding_of("json", TooLong)) == "application/json"
 
 
 def test_a_refusal_is_told_in_the_words_of_the_type():
