@@ -72,6 +72,14 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
 
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport():
+    """Keeps undecodable characters out of reports, which a process of a parallel run could not send."""
+    report = yield
+    report.sections = [(name, text.encode("utf-8", "backslashreplace").decode()) for name, text in report.sections]
+    return report
+
+
 class World:
     """A whole server without threads: a loop, a fake transport, and hosts for plugins under test."""
 

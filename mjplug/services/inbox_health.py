@@ -1,4 +1,4 @@
-"""The status `inbox`: what waits for the physics thread, and which messages newer ones replaced before they got there."""
+"""The status `inbox`: what waits for the physics thread, and which messages newer ones have replaced."""
 
 from mjplug.core.inbox import Inbox
 from mjplug.diagnosis import Diagnosis
