@@ -14,6 +14,7 @@ from mjplug.cli.interface import app as interface_app
 from mjplug.cli.model import app as model_app
 from mjplug.cli.output import complain, complain_of
 from mjplug.cli.plugin import app as plugin_app
+from mjplug.cli.router import router
 from mjplug.cli.serve import serve
 from mjplug.cli.service import app as service_app
 from mjplug.cli.sim import app as sim_app
@@ -51,6 +52,13 @@ app.command(
 for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app):
     app.add_typer(group)
 app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
+app.command(
+    epilog=examples(
+        "mjplug router",
+        "mjplug router --listen tcp/0.0.0.0:7447 --zenoh-config router.json5      (lets other machines in)",
+        "mjplug serve bundled:box --connect tcp/127.0.0.1:7447",
+    )
+)(router)
 app.command()(doctor)
 app.command(epilog=COMPLETION_EPILOG)(completion)
 

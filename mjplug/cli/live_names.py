@@ -40,6 +40,7 @@ def _servers(endpoint: str) -> Iterator[dict[str, Any]]:
         "connect/timeout_ms": _PATIENCE_MS,
         "transport/unicast/open_timeout": _PATIENCE_MS,
         "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": False,
     }
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))

@@ -12,6 +12,7 @@ from mjplug.client.client import Client
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.listing import server_names
 from mjplug.client.patience import bounded
+from mjplug.wire import zenoh_file
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a server listens unless it is told otherwise."""
@@ -94,7 +95,7 @@ def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, until: 
 
 def _settings(endpoint: str, file: str | Path | None) -> zenoh.Config:
     try:
-        config = zenoh.Config.from_file(file) if file is not None else zenoh.Config()
+        config = zenoh_file.read(file)
     except zenoh.ZError as error:
         raise ClientError(f"cannot use the Zenoh configuration file {file}: {_plain(error)}") from None
     try:

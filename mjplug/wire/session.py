@@ -1,52 +1,21 @@
 """The Zenoh session: how the server gets onto a network, or makes one."""
 
-import json
-import re
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
+import logging
+import time
 
 import zenoh
 
 from mjplug.errors import WireError
-from mjplug.wire import identity, queues
-from mjplug.wire.endpoints import dialable, has_free_port, on_free_port, with_free_port
+from mjplug.wire.endpoints import dialable, on_free_port
+from mjplug.wire.router_watch import RouterWatch
+from mjplug.wire.session_plan import Mode, Plan, Role, SessionSettings, TakenError, UnreachableError
 
-Mode = Literal["auto", "router", "peer", "client"]
-Role = Literal["router", "peer", "client"]
+__all__ = ["Mode", "Role", "SessionSettings", "WireSession", "join", "open_router", "open_session"]
 
-DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
-"""Where ROS 2 nodes on rmw_zenoh look for a router."""
+_log = logging.getLogger(__name__)
 
-_PROBE_MS = 1000
-"""How long to wait for an answer to Zenoh's handshake [ms]; on the same machine it takes 3 ms."""
-
-_RACES = 10
-"""How often to pick another free port when somebody else took it first."""
-
-_IN_USE = re.compile(r"address already in use|only one usage of each socket address", re.IGNORECASE)
-_SOURCE_PLACE = re.compile(r" at /\S*?\.rs:\d+\.?")
-
-
-@dataclass(frozen=True, slots=True)
-class SessionSettings:
-    """How to get onto the network.
-
-    Attributes:
-        mode: `auto` is a router on the `listen` endpoints; where Zenoh already listens on one of them, a peer that
-            joins it. A `mode` in the file takes the place of `auto`.
-        listen: Endpoints to listen on; port 0 is any free one. None leaves it to the file, and then to the mode's
-            default: `tcp/127.0.0.1:7447` for a router, any free port of 127.0.0.1 for a peer.
-        connect: Endpoints to connect to; retried for ever, except by a client. Empty leaves it to the file.
-        config: A Zenoh configuration file (JSON5, JSON or YAML): TLS, credentials, access control and so on.
-    """
-
-    mode: Mode = "auto"
-    listen: tuple[str, ...] | None = None
-    connect: tuple[str, ...] = ()
-    config: Path | None = None
+_RETRY = 1.0
+"""Pause between two attempts to reach the router that `connect` names [s]."""
 
 
 class WireSession:
@@ -57,13 +26,28 @@ class WireSession:
         role: What this session is on the network.
         listening: The endpoints it listens on, with their actual ports.
         joined: The endpoints it connects to.
+
+    Args:
+        session: As above.
+        role: As above.
+        listening: As above.
+        joined: As above.
+        watch: What looks after the connection to `joined`; closed with the session.
     """
 
-    def __init__(self, session: zenoh.Session, role: Role, listening: tuple[str, ...], joined: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        role: Role,
+        listening: tuple[str, ...],
+        joined: tuple[str, ...],
+        watch: RouterWatch | None = None,
+    ) -> None:
         self.zenoh = session
         self.role = role
         self.listening = listening
         self.joined = joined
+        self._watch = watch
 
     @property
     def endpoint(self) -> str:
@@ -77,9 +61,14 @@ class WireSession:
 
     def close(self) -> None:
         """Leaves the network; a second call does nothing."""
+        if self._watch is not None:
+            self._watch.stop()
         if not self.zenoh.is_closed():
             # zenoh's stubs leave the return type open.
             self.zenoh.close()  # type: ignore[no-untyped-call]
+        if self._watch is not None:
+            # After the session, which may be connected to the router that the watch hosts.
+            self._watch.close()
 
 
 def open_session(settings: SessionSettings, name: str) -> WireSession:
@@ -89,18 +78,42 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
         WireError: Nobody can listen or connect there, or a server of this name is on the network. The sentence says
             the way out.
     """
-    plan = _Plan(settings, name)
+    plan = Plan(settings, name)
     if plan.mode != "auto":
-        return plan.open(plan.mode, plan.listen(plan.mode), plan.connect)
+        return _open(plan, plan.mode, plan.listen(plan.mode), plan.connect)
+    if plan.connect and not plan.listens:
+        return _open_client(plan)
     listen = plan.listen("router")
     try:
-        return plan.open("router", listen, plan.connect)
-    except _TakenError as taken:
+        return _open(plan, "router", listen, plan.connect)
+    except TakenError as taken:
         with plan.visit(taken.endpoint) as visitor:
             if visitor is None:
                 raise WireError(taken.way_out()) from None
-        own = tuple(on_free_port(endpoint) for endpoint in listen)
-        return plan.open("peer", own, (dialable(taken.endpoint), *plan.connect))
+        router = dialable(taken.endpoint)
+        if plan.connect:
+            # A client has one connection only.
+            return _open(plan, "peer", tuple(on_free_port(endpoint) for endpoint in listen), (router, *plan.connect))
+        return _open(plan, "client", (), (router,), inherits=listen)
+
+
+def open_router(settings: SessionSettings) -> WireSession:
+    """Opens a router without a server.
+
+    Raises:
+        WireError: It cannot listen there. The sentence says the way out.
+    """
+    plan = Plan(settings, "")
+    try:
+        return _open(plan, "router", plan.listen("router"), plan.connect)
+    except TakenError as taken:
+        with plan.visit(taken.endpoint) as visitor:
+            if visitor is None:
+                raise WireError(taken.way_out()) from None
+        raise WireError(
+            f"a Zenoh router or server listens on {taken.endpoint} already; use that one, stop it, or choose another "
+            "endpoint with --listen"
+        ) from None
 
 
 def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session:
@@ -114,151 +127,28 @@ def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session
         WireError: None of them lets us in.
     """
     connect = tuple(dialable(endpoint) for endpoint in endpoints)
-    return _Plan(settings, "").join(connect)
+    return Plan(settings, "").join(connect)
 
 
-class _TakenError(WireError):
-    """Another program listens on an endpoint."""
-
-    def __init__(self, endpoint: str) -> None:
-        self.endpoint = endpoint
-        super().__init__(
-            f"{endpoint} is taken by another program; choose another endpoint with --listen, "
-            f"or join what is there with mode auto"
-        )
-
-    def way_out(self) -> str:
-        """The sentence for when it is certain that the program is not one to join."""
-        return (
-            f"{self.endpoint} is taken by another program that does not speak Zenoh (or does not let us in); "
-            f"choose another endpoint with --listen, such as --listen {on_free_port(self.endpoint)} that is free now, "
-            f"or --listen {DEFAULT_LISTEN.rpartition(':')[0]}:0 for any free one"
-        )
+def _open(
+    plan: Plan, role: Role, listen: tuple[str, ...], connect: tuple[str, ...], inherits: tuple[str, ...] = ()
+) -> WireSession:
+    """Opens a session and watches its connections; `inherits` is where to host a router when the present one ends."""
+    session, listening = plan.open(role, listen, connect)
+    watch = None
+    if connect:
+        watch = RouterWatch(session, connect, (lambda: plan.host(inherits)) if inherits else None)
+    return WireSession(session, role, listening, connect, watch)
 
 
-class _Plan:
-    """The settings laid over the configuration file."""
-
-    def __init__(self, settings: SessionSettings, name: str) -> None:
-        self._settings = settings
-        self._name = name
-        file = self._base()
-        said: str | None = json.loads(file.get_json("mode"))
-        self.mode: Mode = said if settings.mode == "auto" and said else settings.mode  # type: ignore[assignment]
-        self.connect = settings.connect or _endpoints(file, "connect", "peer")
-
-    def listen(self, role: Role) -> tuple[str, ...]:
-        """Returns the endpoints to listen on, ports not yet chosen."""
-        if role == "client":
-            return ()
-        file = self._base()
-        said = _endpoints(file, "listen", role) if file.get_json("listen") != zenoh.Config().get_json("listen") else ()
-        default = DEFAULT_LISTEN if role == "router" else "tcp/127.0.0.1:0"
-        return (said or (default,)) if self._settings.listen is None else self._settings.listen
-
-    def open(self, role: Role, listen: tuple[str, ...], connect: tuple[str, ...]) -> WireSession:
-        """Opens the session, unless the name is taken.
-
-        Raises:
-            _TakenError: One of the endpoints is.
-            WireError: Anything else went wrong.
-        """
-        if role == "client" and not connect:
-            raise WireError("mode client needs an endpoint to connect to; give one with --connect")
-        for endpoint in connect:
-            with self.visit(endpoint) as visitor:
-                if visitor is not None:
-                    identity.refuse_duplicate(visitor, self._name)
-        for _ in range(_RACES):
-            listening = tuple(with_free_port(endpoint) for endpoint in listen)
-            try:
-                session = zenoh.open(self._config(role, listening, connect))
-            except zenoh.ZError as error:
-                if not _IN_USE.search(str(error)):
-                    raise WireError(_trouble(listening, connect, error)) from error
-                at = next((i for i, endpoint in enumerate(listening) if endpoint in str(error)), 0)
-                if not has_free_port(listen[at]):
-                    raise _TakenError(listening[at]) from error
-            else:
-                return WireSession(session, role, listening, connect)
-        raise WireError(f"found no free port for {', '.join(listen)} in {_RACES} attempts")
-
-    def join(self, connect: tuple[str, ...]) -> zenoh.Session:
-        """Opens a client's session.
-
-        Raises:
-            WireError: Nobody lets us in.
-        """
-        config = self._config("client", (), connect, queues.WORKER_DROP_WAIT_US)
-        # The rules say what others may do on the server's links; on this link the server applies them.
-        _set(config, "access_control/enabled", False)
+def _open_client(plan: Plan) -> WireSession:
+    """Connects to the router that `connect` names, as soon as it is there."""
+    reported = False
+    while True:
         try:
-            return zenoh.open(config)
-        except zenoh.ZError as error:
-            raise WireError(_trouble((), connect, error)) from error
-
-    @contextmanager
-    def visit(self, endpoint: str) -> Iterator[zenoh.Session | None]:
-        """Connects as a short-lived client; gives None where nothing answers as Zenoh."""
-        config = self._config("client", (), (dialable(endpoint),))
-        _set(config, "transport/unicast/open_timeout", _PROBE_MS)
-        _set(config, "connect/timeout_ms", _PROBE_MS)
-        try:
-            session = zenoh.open(config)
-        except zenoh.ZError:
-            yield None
-            return
-        with session:
-            yield session
-
-    def _config(
-        self, role: Role, listening: tuple[str, ...], connect: tuple[str, ...], drop_wait: int = queues.DROP_WAIT_US
-    ) -> zenoh.Config:
-        config = self._base()
-        _set(config, "mode", role)
-        try:
-            _set(config, "listen/endpoints", listening)
-            _set(config, "connect/endpoints", connect)
-        except zenoh.ZError as error:
-            raise WireError(_trouble(listening, connect, error)) from error
-        _set_default(config, "scouting/multicast/enabled", False)
-        _set_default(config, "timestamping/enabled", True)
-        if role == "router" and not connect:
-            # A router waits this long for others to answer, though there is nobody it could have asked.
-            _set_default(config, "scouting/delay", 0)
-        queues.tune(config, drop_wait)
-        return config
-
-    def _base(self) -> zenoh.Config:
-        path = self._settings.config
-        if path is None:
-            return zenoh.Config()
-        try:
-            return zenoh.Config.from_file(path)
-        except zenoh.ZError as error:
-            raise WireError(f"cannot use the Zenoh configuration file {path}: {_plain(error)}") from error
-
-
-def _endpoints(config: zenoh.Config, key: Literal["listen", "connect"], role: Role) -> tuple[str, ...]:
-    """Reads endpoints, which a file may give per mode."""
-    said = json.loads(config.get_json(f"{key}/endpoints"))
-    return tuple(said.get(role, ()) if isinstance(said, dict) else said or ())
-
-
-def _set(config: zenoh.Config, key: str, value: Any) -> None:
-    config.insert_json5(key, json.dumps(value))
-
-
-def _set_default(config: zenoh.Config, key: str, value: Any) -> None:
-    if json.loads(config.get_json(key)) is None:
-        _set(config, key, value)
-
-
-def _trouble(listening: tuple[str, ...], connect: tuple[str, ...], error: zenoh.ZError) -> str:
-    wanted = [f"{verb} {', '.join(them)}" for verb, them in (("listen on", listening), ("connect to", connect)) if them]
-    return f"cannot {' and '.join(wanted) or 'open a Zenoh session'}: {_plain(error)}"
-
-
-def _plain(error: zenoh.ZError) -> str:
-    """A Zenoh error without the places in its source code."""
-    return _SOURCE_PLACE.sub("", str(error)).strip()
+            return _open(plan, "client", (), plan.connect)
+        except UnreachableError as error:
+            if not reported:
+                _log.warning("%s; waiting for it", error)
+                reported = True
+        time.sleep(_RETRY)
