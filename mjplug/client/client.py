@@ -9,6 +9,7 @@ from typing import Any, TypeVar, overload
 import zenoh
 
 from mjplug.client import request
+from mjplug.client.confirmation import await_publishers
 from mjplug.client.errors import TimedOutError, WrongTypeError
 from mjplug.client.graph import Graph
 from mjplug.client.listing import ServiceInfo, TopicInfo
@@ -65,6 +66,9 @@ class Client(Graph):
     ) -> Subscription[Any]:
         """Reads a topic. A latched topic gives its last messages at once.
 
+        When it returns, the servers that publish the topic know of this subscriber: what they publish from then on
+        arrives.
+
         Args:
             name: The topic.
             type: The class of its messages, or its name; None asks the server. `dict` gives nested dictionaries,
@@ -82,6 +86,8 @@ class Client(Graph):
         with self._lock:
             subscription.open(self.session, key, topic.depth if topic is not None and topic.latched else 0)
             self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
+        if topic is not None and not topic.latched:
+            await_publishers(self.session, topic.publishers, key)
         return subscription
 
     def publisher(self, name: str, type: Any = None) -> Publisher[Any]:

@@ -27,6 +27,12 @@ class Outlet(Protocol):
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message. Physics thread."""
 
+    def refresh(self, key: str) -> bool:
+        """Brings `matched` up to date if this is the outlet's key; returns whether a subscriber was found. Any thread.
+
+        `matched` follows subscribers with a delay.
+        """
+
     def lease(self) -> "OutletLease":
         """Returns what another process needs to write to this key as if it were the server."""
 

@@ -9,7 +9,7 @@ may happen on the physics thread, which has no time to write lists.
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any, Literal
@@ -105,9 +105,19 @@ class Listing:
 
 
 class InterfacesQueryable:
-    """Answers with the listing of the moment, and tells subscribers when there is another."""
+    """Answers with the listing of the moment, and tells subscribers when there is another.
 
-    def __init__(self, session: zenoh.Session, listing: Listing) -> None:
+    With the parameter `subscribed=<key>` it answers, in place of the listing, whether the publisher of that key knows
+    of a subscriber. The publisher knows of all whose declaration came before this query.
+
+    Args:
+        session: The session.
+        listing: The first listing.
+        refresh: Brings the publishers of a key up to date; returns whether one of them knows of a subscriber.
+    """
+
+    def __init__(self, session: zenoh.Session, listing: Listing, refresh: Callable[[str], bool]) -> None:
+        self._refresh = refresh
         self._listing = listing
         self._key = key_of(f"{listing.name}/interfaces")
         self._news = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
@@ -126,8 +136,11 @@ class InterfacesQueryable:
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             try:
-                schema = parameters(query).get("schema", "false") == "true"
-                payload = self.listing.to_json(schema)
+                asked = parameters(query)
+                if (key := asked.get("subscribed")) is not None:
+                    payload = json.dumps({"key": key, "subscribed": self._refresh(key)}).encode()
+                else:
+                    payload = self.listing.to_json(asked.get("schema", "false") == "true")
             except Exception as error:
                 _LOG.exception("the listing of interfaces could not be made")
                 query.reply_err(f"the listing could not be made: {error}".encode(), encoding=TEXT)

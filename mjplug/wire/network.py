@@ -60,7 +60,8 @@ class Network:
         self._types: dict[str, type[Message]] = {}
         self._servers: dict[str, ServiceServer] = {}
         self._subscriptions: list[Subscription[Any]] = []
-        self._interfaces = InterfacesQueryable(session.zenoh, Listing(name, version("mjplug"), session.endpoint))
+        listing = Listing(name, version("mjplug"), session.endpoint)
+        self._interfaces = InterfacesQueryable(session.zenoh, listing, self._refresh)
         # After the queryable: whoever sees the token may ask its holder at once.
         self._claim = identity.claim(session.zenoh, name)
 
@@ -153,6 +154,13 @@ class Network:
             dialect.close()
         self.open_calls.close(reason)
         self.session.close()
+
+    def _refresh(self, key: str) -> bool:
+        """Brings the publishers of a key up to date; returns whether one of them knows of a subscriber. Any thread."""
+        outlets = [outlet for publisher in tuple(self.publishers) for outlet in publisher.outlets]
+        # All of them: two publishers may share a topic.
+        found = [outlet.refresh(key) for outlet in outlets]
+        return any(found)
 
     def _check(self, topic: Topic[Any]) -> None:
         known = self._types.setdefault(topic.name, topic.type)

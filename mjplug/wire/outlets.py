@@ -4,9 +4,11 @@ All of them are reliable to Zenoh, the best-effort topics of ROS too, since Zeno
 effort and comes in one batch with something reliable. A slow listener costs messages in either case: congestion drops.
 """
 
+import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import zenoh
 from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
@@ -26,7 +28,7 @@ _HEARTBEAT = 0.5
 
 
 class LiveOutlet:
-    """A key for those who listen now. `matched` follows Zenoh's matching status.
+    """A key for those who listen now. `matched` follows Zenoh's matching status; `refresh` brings it up to date.
 
     Congestion drops, as in rmw_zenoh: a slow listener must not hold up physics. Express is left off: it gains nothing
     for paced messages and costs several microseconds in bursts.
@@ -47,6 +49,8 @@ class LiveOutlet:
         self._lease = LiveLease(key, form, str(encoding), qos)
         self._on_matched = on_matched
         self._closed = False
+        self._lock = threading.Lock()
+        self._key = key
         self._publisher = session.declare_publisher(
             key,
             encoding=encoding,
@@ -66,16 +70,33 @@ class LiveOutlet:
         """Returns what another process needs to write to the key."""
         return self._lease
 
+    def refresh(self, key: str) -> bool:
+        """Brings `matched` up to date if this is the outlet's key; returns whether it is, with a subscriber.
+
+        Zenoh reports a new subscriber on a thread of its own, on a busy machine after the next request of the same
+        client has been delivered.
+        """
+        if key != self._key:
+            return False
+        with self._lock:
+            before = self.matched
+            # zenoh's stubs take the status for a bool.
+            status: Any = self._publisher.matching_status
+            self.matched = status.matching and not self._closed
+            if self.matched and not before:
+                # Under the lock, so that nobody returns from here before it has been called.
+                self._on_matched()
+            return self.matched
+
     def close(self) -> None:
         """Makes it unmatched for good."""
-        self._closed = True
-        self.matched = False
+        with self._lock:
+            self._closed = True
+            self.matched = False
 
     def _changed(self, status: zenoh.MatchingStatus) -> None:
-        appeared = status.matching and not self.matched and not self._closed
-        self.matched = status.matching and not self._closed
-        if appeared:
-            self._on_matched()
+        # Not `status`, which is older than what `refresh` may have found meanwhile.
+        self.refresh(self._key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +151,10 @@ class LatchedOutlet:
     def lease(self) -> OutletLease:
         """Returns what another process needs to write to the key."""
         return self._lease
+
+    def refresh(self, key: str) -> bool:
+        """Returns false: it is always matched, and late subscribers miss nothing."""
+        return False
 
     def close(self) -> None:
         """Makes it unmatched for good."""

@@ -135,7 +135,7 @@ def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer, version
 
 def test_a_foreign_node_does_so_where_a_router_was_first(opened, start_peer, router):
     network = opened(open_network(SessionSettings(listen=(router,)), "/robot1/mjplug", ros2=RosSettings()))
-    assert (network.session.role, network.session.endpoint) == ("peer", router)
+    assert (network.session.role, network.session.endpoint) == ("client", router)
     meet(network, start_peer)
 
 
