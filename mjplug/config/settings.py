@@ -76,7 +76,9 @@ class Zenoh(Section):
     """How the server gets onto the network."""
 
     mode: Literal["auto", "router", "peer", "client"] = Field(
-        "auto", description="`auto` is a router, or a peer of the router that already listens there."
+        "auto",
+        description="`auto` is a router, or a client: of the router that already listens there, or, with `connect` and "
+        "without `listen`, of the router that `connect` names.",
     )
     listen: Endpoints | None = Field(
         None,
