@@ -48,8 +48,12 @@ class Command:
 
     @property
     def serves(self) -> bool:
-        """Whether it starts a server that runs until it is stopped."""
-        return self.words[:2] == ["mjplug", "serve"] and not {"--check", "--duration", "--help"} & {*self.words}
+        """Whether it starts a server or a router that runs until it is stopped."""
+        return self.words[:2] in (["mjplug", "serve"], ["mjplug", "router"]) and not {
+            "--check",
+            "--duration",
+            "--help",
+        } & {*self.words}
 
 
 @dataclass
@@ -162,7 +166,7 @@ class Reader:
     def _local(self, command: Command) -> list[str]:
         """Keeps a server off other machines and fixed ports; what it connects to is the first server of this reader."""
         words = list(command.words)
-        if words[:2] != ["mjplug", "serve"] or "--check" in words:
+        if words[:2] not in (["mjplug", "serve"], ["mjplug", "router"]) or "--check" in words:
             return words
         first = next((server.endpoint for server in self.servers.values()), None)
         for at, word in enumerate(words):
