@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from logging import Logger
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import mujoco
 
@@ -78,6 +78,17 @@ NO_RENDERER: Sequence[Mapping[str, str]] = ({"MUJOCO_GL": "disable"},)
 """The environment of a work that renders nothing: MuJoCo is imported without OpenGL, which also is quicker."""
 
 
+Priority = Literal["idle", "low", "normal"]
+"""How much processor time a process gets beside other programs.
+
+`idle`: only what no other program wants. `low`: less than physics and other programs, but never nothing. `normal`: as
+much as any other program.
+"""
+
+JOB_TIMEOUT = 60.0
+"""How long a job may take unless its plugin says otherwise [s]; time spent waiting for a processor does not count."""
+
+
 def _ignore(*_: Any) -> None:
     pass
 
@@ -92,7 +103,11 @@ class Order:
         publishers: What it publishes to.
         environments: Environment variables for the process, on top of the server's own; an empty value takes one away.
             They are tried in this order until the work opens, each in a process of its own.
-        sync: Whether `submit` waits until the work is done: lockstep.
+        sync: Whether simulated time stands still after `submit` until the work is done: lockstep.
+        priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`; in
+            lockstep it is normal.
+        job_timeout: How long a job may take [s]; then the process is ended and another one is started.
+        hold: Called with True when simulated time must stand still, and with False when it may go on.
         on_ready: Gets what `Work.open` said, each time the work has been opened.
         on_done: Gets each job that was performed, and what `perform` returned.
         on_lost: Gets the tasks that will not be performed, and why: the process died, `perform` raised, or the work
@@ -104,6 +119,9 @@ class Order:
     publishers: Sequence[Publisher[Any]]
     environments: Sequence[Mapping[str, str]] = NO_RENDERER
     sync: bool = False
+    priority: Priority = "low"
+    job_timeout: float = JOB_TIMEOUT
+    hold: Callable[[bool], None] = _ignore
     on_ready: Callable[[str], None] = _ignore
     on_done: Callable[[Job, Any], None] = _ignore
     on_lost: Callable[[frozenset[str], str], None] = _ignore
@@ -154,7 +172,8 @@ class Worker(Protocol):
     def submit(self, tasks: Iterable[str]) -> None:
         """Hands over the present state, to be made into `tasks`.
 
-        It never waits, unless the order is `sync`. One job is performed at a time; a newer state takes the place of
+        It never waits; if the order is `sync`, the server takes no further step until the job is done or lost, and
+        serves requests meanwhile. One job is performed at a time; a newer state takes the place of
         one that waits, which keeps its tasks: those in both are counted as dropped once. An unavailable worker
         answers with `on_lost`.
         """

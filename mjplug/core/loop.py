@@ -44,6 +44,7 @@ class Loop:
         inbox: Where other threads post calls.
         pacer: Wall-clock pacing.
         goals: Steps to take, at full speed, while paused.
+        lockstep: What simulated time waits for. While it is not empty, no step is taken, and requests are served.
         paused: Whether simulated time stands still.
         on_reset: Called after every reset, when all steppers have been told.
         on_stepped: Called whenever steps asked for while paused have been taken.
@@ -75,6 +76,7 @@ class Loop:
         self.on_second: list[Callable[[float], None]] = [self.recovery.report_held, self.inbox.report]
         self.timing = Timing()
         self.goals = StepGoals()
+        self.lockstep: set[object] = set()
         self.failure: MjplugError | None = None
         self._end_of_time = simulation.time.steps_covering(LONGEST_TIME * 1_000_000_000 + 1) - 1
         self.last_step = self._end_of_time
@@ -140,11 +142,17 @@ class Loop:
         self.stop()
 
     def step(self, steps: int = 1) -> None:
-        """Takes steps at full speed, paused or not, with everything due; ends early when stopped or diverged."""
+        """Takes steps at full speed, paused or not, with everything due; ends early when stopped or diverged.
+
+        Between them it waits for what is in `lockstep`; after the last one it does not.
+        """
         self._poll()
         target = self.simulation.step + steps
         while self.simulation.step < target and not self._stopping:
-            if not self._advance(target):
+            if self.lockstep:
+                self._wait(SECOND)
+                self._run_due()
+            elif not self._advance(target):
                 return
 
     def run(self) -> None:
@@ -164,7 +172,10 @@ class Loop:
         now = perf_counter()
         if now >= self._second_at:
             now = self._second(now)
-        if self.paused:
+        if self.lockstep and (self.goals or not self.paused):
+            if not polled:
+                self._wait(self._second_at - now)
+        elif self.paused:
             if self.goals:
                 self._advance(self.goals.next_target)
             elif not polled:
@@ -214,6 +225,9 @@ class Loop:
         if self.scheduler.next_due <= step:
             self.scheduler.run_due(step)
             self.simulation.positions_changed()
+        if self.lockstep:
+            # This boundary is not over yet; who asked for its step is answered when it is.
+            return
         if self.goals and self.goals.next_target <= step:
             # Before the answer, so that a client that has it has the new time too.
             for callback in self.on_stepped:
@@ -279,7 +293,7 @@ class Loop:
             step = simulation.step
             if divergence is not None or step >= target or step >= scheduler.next_due:
                 return divergence
-            if not steppers.active or not (nothing_posted() or overfull):
+            if not steppers.active or self.lockstep or not (nothing_posted() or overfull):
                 return None
 
     def _anchor(self) -> None:

@@ -22,7 +22,7 @@ from mjplug.plugin.guard import Guard, Stepping
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
 from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
-from mjplug.work import NO_RENDERER, Job, Order, Work, Worker, Workers
+from mjplug.work import JOB_TIMEOUT, NO_RENDERER, Job, Order, Priority, Work, Worker, Workers
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
@@ -219,6 +219,23 @@ class Host(WorldView):
             self._sleepers[publisher].append(timer)
         return timer
 
+    def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
+        """Calls back every `period` [s] of wall time, paused or not, at any speed.
+
+        Args:
+            period: The server looks once a second, so a shorter one is one second.
+            callback: Called on the physics thread.
+        """
+        due, guarded = 0.0, self._guard.guarded(callback)
+
+        def look(now: float) -> None:
+            nonlocal due
+            if now >= due:
+                due = now + period - 0.5 * SECOND
+                guarded()
+
+        self._loop.on_second.append(look)
+
     def create_velocity_hold(self, dofs: Sequence[int]) -> VelocityHold:
         """Returns what holds the velocities of some degrees of freedom at every step, with no need of `update`.
 
@@ -261,6 +278,8 @@ class Host(WorldView):
         *,
         environments: Sequence[Mapping[str, str]] = NO_RENDERER,
         sync: bool = False,
+        priority: Priority = "low",
+        job_timeout: float = JOB_TIMEOUT,
         on_ready: Callable[[str], None] | None = None,
         on_done: Callable[[Job, Any], None] | None = None,
         on_lost: Callable[[frozenset[str], str], None] | None = None,
@@ -272,17 +291,26 @@ class Host(WorldView):
             publishers: Publishers of this host that the work publishes to; the plugin leaves the publishing to it.
             environments: Environment variables for the process, on top of the server's own, tried in this order until
                 the work opens; an empty value takes one away. Without them, MuJoCo is imported without OpenGL.
-            sync: Whether `submit` waits until the work is done, so that physics runs in lockstep with it.
+            sync: Whether no step is taken after `submit` until the work is done, so that physics runs in lockstep with
+                it. What `update` submits has the state before the step, which is still taken.
+            priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`. In
+                lockstep it is normal.
+            job_timeout: How long opening the work or a job may take [s], the time not counted in which the process
+                waits for a processor. Then the process is started again. Positive; infinity is no limit.
             on_ready: Gets what `Work.open` said, each time the work has been opened.
             on_done: Gets each job that was performed, and what `perform` returned.
             on_lost: Gets the tasks that will not be performed, and why.
         """
+        token, lockstep = object(), self._loop.lockstep
         order = Order(
             self.name,
             work,
             tuple(publishers),
             environments,
             sync,
+            priority,
+            job_timeout,
+            lambda hold: lockstep.add(token) if hold else lockstep.discard(token),
             self._guard.guarded(on_ready or _nothing),
             self._guard.guarded(on_done or _nothing),
             self._guard.guarded(on_lost or _nothing),

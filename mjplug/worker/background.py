@@ -9,6 +9,12 @@ import threading
 import time
 
 _PR_SET_PDEATHSIG = 1
+_NICE = 5
+"""Added to the niceness of the server for `low`: about a third of the processor time of a program with its niceness."""
+
+_LOWEST = 19
+"""Niceness for `idle` where there is no SCHED_IDLE."""
+
 _GLANCE = 0.2
 """How often a process looks whether the server still lives, where the kernel cannot tell it [s]."""
 
@@ -36,15 +42,26 @@ def die_with(parent: int) -> None:
         threading.Thread(target=_watch, args=(parent,), name="parent", daemon=True).start()
 
 
-def give_way() -> None:
-    """Lets this thread, and those it will start, run only while nobody else wants to.
+def take_priority(priority: str) -> None:
+    """Sets how much processor time this thread, and those it will start, get beside other programs.
 
-    Rendering in software takes every core it can get, and would make physics late by milliseconds; `nice` does not
-    help against that.
+    `idle` is Linux's SCHED_IDLE: it runs only while no other program wants to, and starves beside busy ones. `low` has
+    a third of the weight of a normal program (nice 5), and with SCHED_BATCH it never interrupts a running thread, so
+    that physics is not delayed when a worker wakes up. `normal` changes nothing.
+
+    Args:
+        priority: `idle`, `low` or `normal`.
     """
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
+    if sys.platform == "win32" or priority == "normal":
+        return
+    with contextlib.suppress(OSError):
+        if sys.platform != "linux":
+            os.nice(_NICE if priority == "low" else _LOWEST)
+        elif priority == "idle":
             os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        else:
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+            os.nice(_NICE)
 
 
 def _watch(parent: int) -> None:

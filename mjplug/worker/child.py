@@ -6,11 +6,12 @@ import os
 import sys
 import threading
 from queue import SimpleQueue
+from time import sleep
 from typing import TYPE_CHECKING, Any
 
 from mjplug.log import INSTANCES, PrintableQueueHandler
 from mjplug.worker import background
-from mjplug.worker.messages import Done, Failed, Ready, Setup, pack, read, unpack, write
+from mjplug.worker.messages import BEAT, Beat, Done, Failed, Ready, Setup, pack, read, unpack, write
 
 if TYPE_CHECKING:
     from mjplug.worker.performer import Performer
@@ -27,6 +28,8 @@ def main() -> None:
     background.die_with(setup.parent)
     sys.path[:] = setup.sys_path
     _log_through(line, setup)
+    # Before the priority of this thread is lowered, so that the signs of life come in time on a busy machine.
+    threading.Thread(target=_beat, args=(line,), name="beat", daemon=True).start()
     code = _run(line, setup, logging.getLogger(f"{INSTANCES}.{setup.name}"))
     # Without Python's own teardown, in which libraries of GL drivers are known to crash.
     os._exit(code)
@@ -67,6 +70,12 @@ class _LogHandler(PrintableQueueHandler):
         self._line.send(record)
 
 
+def _beat(line: _Line) -> None:
+    while True:
+        sleep(BEAT)
+        line.send(Beat())
+
+
 def _log_through(line: _Line, setup: Setup) -> None:
     root = logging.getLogger()
     root.addHandler(_LogHandler(line, f"{INSTANCES}.{setup.name}"))
@@ -81,9 +90,8 @@ def _run(line: _Line, setup: Setup, logger: logging.Logger) -> int:
         how = f" with MUJOCO_GL={backend}" if backend else ""
         line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", hopeless=True))
         return 1
-    if setup.background:
-        # Before anything makes threads, which inherit it; after the imports, which would take long on a busy machine.
-        background.give_way()
+    # Before anything makes threads, which inherit it; after the imports, which would take long on a busy machine.
+    background.take_priority(setup.priority)
     performer = _open(line, setup, logger)
     if performer is None:
         return 1

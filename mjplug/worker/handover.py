@@ -6,15 +6,11 @@ hands the waiting one over, without waiting for the physics thread, which may be
 
 import threading
 from collections.abc import Callable
-from time import monotonic
 from typing import Any
 
 from numpy.typing import NDArray
 
 from mjplug.work import Job
-
-_GLANCE = 0.1
-"""How often a wait looks whether it is interrupted [s]."""
 
 Send = Callable[[int, Job], bool]
 """Tells a ready process to perform a job in a slot; False if it is gone."""
@@ -42,9 +38,18 @@ class Handover:
         self._under_way: Job | None = None
         self._send: Send | None = None
         self._closed = False
-        self._unsettled = False
         self._lock = threading.Lock()
-        self._changed = threading.Condition(self._lock)
+
+    @property
+    def under_way(self) -> Job | None:
+        """What the process is at; None if it is at nothing."""
+        return self._under_way
+
+    @property
+    def settled(self) -> bool:
+        """Whether everything has been performed or lost."""
+        with self._lock:
+            return self._waiting is None and self._under_way is None
 
     def put(self, time_ns: int, epoch: int, tasks: frozenset[str]) -> bool:
         """Notes the present state for some tasks; False when there will never be a process again. Physics thread."""
@@ -57,7 +62,6 @@ class Handover:
                 tasks |= self._waiting.tasks
             self._take(self._slots[self._free])
             self._waiting = Job(time_ns, epoch, tasks)
-            self._unsettled = True
             self._hand_over()
             return True
 
@@ -87,32 +91,6 @@ class Handover:
             self._send = None
             self._closed = True
             return self._lose(keep_waiting=False)
-
-    def report(self) -> None:
-        """Something has happened, and whoever must know of it has been told."""
-        with self._changed:
-            self._unsettled = self._waiting is not None or self._under_way is not None
-            self._changed.notify_all()
-
-    def settle(self, patience: float, interrupted: Callable[[], bool]) -> bool:
-        """Waits until everything has been performed or lost, and reported, or the wait is interrupted. Physics thread.
-
-        Args:
-            patience: How long nothing at all may happen [s].
-            interrupted: Asked now and then whether to wait no longer.
-
-        Returns:
-            False when nothing happened for so long.
-        """
-        with self._changed:
-            until = monotonic() + patience
-            while self._unsettled and not interrupted():
-                # Every event wakes it, and is progress.
-                if self._changed.wait(min(patience, _GLANCE)):
-                    until = monotonic() + patience
-                elif monotonic() >= until:
-                    return False
-            return True
 
     def _hand_over(self) -> None:
         if self._send is None or self._under_way is not None or self._waiting is None:

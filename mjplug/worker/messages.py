@@ -11,6 +11,9 @@ from typing import Any, BinaryIO, NamedTuple
 
 # Named tuples throughout: dataclasses that are frozen and have slots take ten times as long to pickle.
 
+BEAT = 1.0
+"""How often a process says that it is alive [s]."""
+
 _LENGTH = struct.Struct("<Q")
 
 
@@ -23,7 +26,7 @@ class Setup(NamedTuple):
         sys_path: Where the server imports from.
         log_level: The lowest level that the server's log wants.
         states: Where the states are; see `mjplug.worker.states`.
-        background: Whether the process is to run only when nobody else wants to.
+        priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`.
     """
 
     name: str
@@ -31,7 +34,11 @@ class Setup(NamedTuple):
     sys_path: tuple[str, ...]
     log_level: int
     states: int | str
-    background: bool
+    priority: str
+
+
+class Beat(NamedTuple):
+    """The process is alive. It is sent by a thread that does nothing else."""
 
 
 class Ready(NamedTuple):

@@ -44,6 +44,11 @@ class WorkerProcess:
         self._input = self._stdin.fileno()
         self._output = io.BufferedReader(_pipe(self._popen.stdout))  # type: ignore[type-var]
 
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._popen.pid
+
     def begin(self, setup: Setup, model: bytes, assignment: bytes) -> None:
         """Tells it who it is. A process that is gone already is noticed by `receive`."""
         with contextlib.suppress(OSError):

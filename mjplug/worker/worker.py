@@ -20,15 +20,13 @@ from mjplug.worker.handover import Handover
 from mjplug.worker.messages import Done, Failed, Ready, Setup
 from mjplug.worker.process import WorkerProcess
 from mjplug.worker.states import SharedStates
+from mjplug.worker.watch import Watch
 
 PAUSES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 """How long to wait before a process is started again [s]: longer each time, up to the last."""
 
 PROVEN = 10.0
 """A process that has run so long [s] was no failure: the next restart is quick again."""
-
-PATIENCE = 40.0
-"""How long `submit` of a `sync` order waits while nothing at all happens [s]; longer than any of `PAUSES`."""
 
 
 @dataclass(slots=True)
@@ -38,12 +36,14 @@ class _Life:
     Attributes:
         reason: Why it ended.
         opened_at: When its work was opened, by `monotonic` [s]; None if it never was.
+        hung: Whether it was ended because it hung.
         hopeless: Whether another one in the same environment would come no further.
         lost: The tasks that were lost with it.
     """
 
     reason: str = ""
     opened_at: float | None = None
+    hung: bool = False
     hopeless: bool = False
     lost: frozenset[str] = frozenset()
 
@@ -85,6 +85,8 @@ class ProcessWorker:
         self._closing = threading.Event()
         self._guard = threading.Lock()
         self._process: WorkerProcess | None = None
+        self._watch: Watch | None = None
+        self._hung = ""
         self._ready = False
         self._thread = threading.Thread(target=self._supervise, name=f"worker {order.name}", daemon=True)
         self._thread.start()
@@ -94,11 +96,25 @@ class ProcessWorker:
         simulation, wanted = self._simulation, frozenset(tasks)
         if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
             self._post_lost(wanted, self.health.reason)
-        elif self._order.sync and not self._handover.settle(PATIENCE, self._interrupted):
-            reason = f"nothing came from the process for {PATIENCE:g} s"
-            self._logger.error("%s; it is ended, and the simulation goes on", reason)
-            self._lose(self._handover.disconnect(keep_waiting=False), reason)
-            self._kill()
+        elif self._order.sync:
+            # Time stands still in the loop, not here: the loop serves requests meanwhile.
+            self._order.hold(True)
+
+    def look(self, now: float) -> None:
+        """Ends a process that hangs; `_supervise` then starts another one.
+
+        Args:
+            now: By `monotonic` [s].
+        """
+        with self._guard:
+            process, watch = self._process, self._watch
+            if process is None or watch is None or self._hung:
+                return
+            opening = not self._ready
+            self._hung = watch.look(now, process if opening else self._handover.under_way, opening)
+            if self._hung:
+                self._note("restarting", self._hung)
+                process.kill()
 
     def hang_up(self) -> None:
         """Asks the process to end, and lets none follow; a second call does nothing."""
@@ -112,12 +128,23 @@ class ProcessWorker:
             else:
                 self._process.kill()
 
-    def end(self, until: float) -> None:
-        """Ends the process, by force after a moment of `monotonic` [s], and returns when it and its thread are gone."""
+    def end(self, until: float, at_last: float) -> None:
+        """Waits until the process and its thread are gone; before it, `hang_up`.
+
+        Args:
+            until: When to end it by force, by `monotonic` [s].
+            at_last: When to wait no longer, by `monotonic` [s].
+        """
         self._thread.join(max(0.0, until - monotonic()))
         if self._thread.is_alive():
             self._kill()
-            self._thread.join()
+            self._thread.join(max(0.0, at_last - monotonic()))
+        if self._thread.is_alive():
+            process = self._process
+            self._logger.error(
+                "the worker process%s does not end although it was killed; the server stops without it",
+                "" if process is None else f" {process.pid}",
+            )
         self._states.close()
 
     def _supervise(self) -> None:
@@ -144,7 +171,8 @@ class ProcessWorker:
             if life.opened_at is None:
                 # What waited for a process that was open is given one more chance; others would wait for ever.
                 lost |= self._handover.disconnect(keep_waiting=False)
-            proven = life.opened_at is not None and monotonic() - life.opened_at > PROVEN
+            # One that hangs may do so time after time, and long after it was opened.
+            proven = life.opened_at is not None and not life.hung and monotonic() - life.opened_at > PROVEN
             opened_before |= life.opened_at is not None
             failures = 1 if proven else failures + 1
             pause = PAUSES[min(failures, len(PAUSES)) - 1]
@@ -177,28 +205,33 @@ class ProcessWorker:
             except OSError as error:
                 # There may be memory and processes to spare again.
                 return _Life(f"it could not be started: {error}")
+            watch = self._watch = Watch(process.pid, self._order.job_timeout)
+            self._hung = ""
         life = _Life()
         try:
-            self._listen(process, life)
+            self._listen(process, watch, life)
         finally:
             # First, since the number of its pipe may be another file's as soon as it is closed.
             life.lost = self._handover.disconnect(keep_waiting=True)
             ended = process.end()
             with self._guard:
                 self._process, self._ready = None, False
-        self._handover.report()
         if not life.reason:
-            life.reason = ended
-            life.hopeless = life.opened_at is None and not process.killed
+            life.hung = bool(self._hung)
+            life.reason = self._hung or ended
+            # A driver that hangs is tried in the next environment; a process that was stopped or killed, once more.
+            life.hopeless = life.opened_at is None and (watch.too_long or not process.killed)
         return life
 
-    def _listen(self, process: WorkerProcess, life: _Life) -> None:
+    def _listen(self, process: WorkerProcess, watch: Watch, life: _Life) -> None:
         """Tells a process who it is, and takes what it says to its end."""
         level = self._logger.getEffectiveLevel()
-        handle, background = self._states.handle, not self._order.sync
-        setup = Setup(self._order.name, os.getpid(), tuple(sys.path), level, handle, background)
+        # In lockstep, physics waits for it anyhow.
+        priority = "normal" if self._order.sync else self._order.priority
+        setup = Setup(self._order.name, os.getpid(), tuple(sys.path), level, self._states.handle, priority)
         process.begin(setup, self._model, self._assignment)
         while (message := process.receive()) is not None:
+            watch.heard()
             match message:
                 case logging.LogRecord():
                     self._log(message)
@@ -217,14 +250,13 @@ class ProcessWorker:
         self._inbox.post(partial(self._order.on_ready, said))
         outlets = self._outlets
         self._handover.connect(lambda slot, job: process.perform(slot, job, [outlet.matched for outlet in outlets]))
-        self._handover.report()
 
     def _finish(self, report: Any) -> None:
         job = self._handover.finish()
         if job is not None:
             self.health.performed += 1
             self._inbox.post(partial(self._order.on_done, job, report))
-        self._handover.report()
+        self._let_go()
 
     def _log(self, record: logging.LogRecord) -> None:
         logger = logging.getLogger(record.name)
@@ -234,21 +266,27 @@ class ProcessWorker:
     def _give_up(self, reason: str) -> None:
         self._note("unavailable", reason)
         self._post_lost(self._handover.close(), reason)
-        self._handover.report()
+        self._let_go()
 
     def _lose(self, tasks: frozenset[str], reason: str) -> None:
         if tasks:
             self._post_lost(tasks, reason)
-        self._handover.report()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Lets simulated time go on if nothing is left to do; after what the plugin is to hear of it."""
+        if self._order.sync:
+            self._inbox.post(self._settle)
+
+    def _settle(self) -> None:
+        if self._handover.settled:
+            self._order.hold(False)
 
     def _post_lost(self, tasks: frozenset[str], reason: str) -> None:
         self._inbox.post(partial(self._order.on_lost, tasks, reason))
 
     def _note(self, state: str, reason: str) -> None:
         self.health.state, self.health.reason = state, reason
-
-    def _interrupted(self) -> bool:
-        return self._inbox.interrupted
 
     def _kill(self) -> None:
         with self._guard:

@@ -1,6 +1,7 @@
 """All worker processes of a server."""
 
 import pickle
+import threading
 from time import monotonic
 from typing import Any
 
@@ -15,10 +16,14 @@ from mjplug.wire.publisher import WirePublisher
 from mjplug.wire.session import SessionSettings
 from mjplug.work import Order
 from mjplug.worker.performer import Assignment
+from mjplug.worker.watch import LOOK
 from mjplug.worker.worker import ProcessWorker
 
 _PARTING = 1.0
 """How long processes may take to end by themselves [s]."""
+
+_FORCE = 0.5
+"""How long they may take to end when they have been killed [s]."""
 
 
 class ProcessWorkers:
@@ -34,6 +39,8 @@ class ProcessWorkers:
         self._endpoints = endpoints
         self._model = b""
         self._workers: list[ProcessWorker] = []
+        self._closing = threading.Event()
+        self._watching: threading.Thread | None = None
 
     def start(self, order: Order, simulation: Simulation, inbox: Inbox) -> ProcessWorker:
         """Starts a process; see `mjplug.work.Workers`.
@@ -54,16 +61,25 @@ class ProcessWorkers:
         outlets = [outlet for publisher in publishers for outlet in publisher.outlets]
         worker = ProcessWorker(order, simulation, inbox, self._model, assignment, outlets)
         self._workers.append(worker)
+        if self._watching is None:
+            self._watching = threading.Thread(target=self._watch, name="worker watch", daemon=True)
+            self._watching.start()
         return worker
 
     def close(self) -> None:
-        """Ends all processes; a second call does nothing."""
+        """Ends all processes, those that hang by force; a second call does nothing. It takes 1.5 s at most."""
+        self._closing.set()
         for worker in self._workers:
             worker.hang_up()
         until = monotonic() + _PARTING
         for worker in self._workers:
-            worker.end(until)
+            worker.end(until, until + _FORCE)
         self._workers.clear()
+
+    def _watch(self) -> None:
+        while not self._closing.wait(LOOK):
+            for worker in tuple(self._workers):
+                worker.look(monotonic())
 
 
 def _own(name: str, publisher: Publisher[Any]) -> WirePublisher[Any]:

@@ -29,6 +29,7 @@ class Ordered:
         self.inbox = server.inbox
         self.publisher = server.network.open_publisher(Topic("/told", JointState, qos))
         self.ready, self.done, self.lost = [], [], []
+        self.held = False
         order = Order(
             "teller",
             work,
@@ -36,6 +37,7 @@ class Ordered:
             on_ready=self.ready.append,
             on_done=lambda job, report: self.done.append((job, report)),
             on_lost=lambda tasks, reason: self.lost.append((set(tasks), reason)),
+            hold=self._hold,
             **options,
         )
         self.worker = server.workers.start(order, server.simulation, server.inbox)
@@ -55,6 +57,14 @@ class Ordered:
     def wait_for_ready(self, times=1):
         self.wait(lambda: len(self.ready) >= times)
         return self
+
+    def submit_in_lockstep(self, *tasks):
+        """Submits, and serves the inbox until simulated time may go on, as the loop does."""
+        self.submit(tasks)
+        self.wait(lambda: not self.held)
+
+    def _hold(self, hold):
+        self.held = hold
 
     def perform(self, *tasks):
         """Submits, and returns what comes back."""

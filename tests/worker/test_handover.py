@@ -1,7 +1,5 @@
 """Which state a process works on, and which waits; the process is a list."""
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -36,10 +34,6 @@ class World:
     def put(self, state, *tasks):
         self.state = state
         return self.handover.put(int(state), 0, frozenset(tasks))
-
-
-def never():
-    return False
 
 
 @pytest.fixture
@@ -114,24 +108,19 @@ def test_after_the_end_nothing_is_taken_any_more(world):
     assert len(world.process.asked) == 1
 
 
-def test_settling_ends_when_the_outcome_has_been_reported_and_not_before(world):
+def test_everything_is_settled_when_nothing_waits_and_nothing_is_under_way(world):
+    assert world.handover.settled
+    world.put(1, "a")
+    assert not world.handover.settled
     world.handover.connect(world.process)
-    world.put(1, "a")
-    reported = threading.Event()
-
-    def finish():
-        world.handover.finish()
-        reported.set()
-        world.handover.report()
-
-    thread = threading.Timer(0.05, finish)
-    thread.start()
-    assert world.handover.settle(5.0, never)
-    assert reported.is_set()
-    thread.join()
-    assert world.handover.settle(0.0, never)
-
-
-def test_settling_gives_up_when_nothing_happens(world):
-    world.put(1, "a")
-    assert not world.handover.settle(0.01, never)
+    world.put(2, "a")
+    world.handover.finish()
+    assert not world.handover.settled
+    world.handover.finish()
+    assert world.handover.settled
+    world.put(3, "a")
+    world.handover.disconnect(keep_waiting=True)
+    assert world.handover.settled
+    world.put(4, "a")
+    world.handover.close()
+    assert world.handover.settled

@@ -1,0 +1,167 @@
+"""Processes that hang: they are noticed, ended and replaced, and what they had to do is answered."""
+
+import logging
+import os
+import signal
+import time
+
+import pytest
+from worker import works
+
+from mjplug.worker import watch as module
+from mjplug.worker.watch import LOOK, Watch, usage
+
+SOON = 2.0
+"""Stands for the limits, which are longer [s]; a process sends a sign of life every second."""
+
+
+@pytest.fixture
+def gate(tmp_path):
+    os.mkfifo(tmp_path / "gate")
+    return tmp_path / "gate"
+
+
+@pytest.fixture
+def noted(caplog):
+    caplog.set_level(logging.ERROR)
+    return lambda: [record.getMessage() for record in caplog.records if record.name == "mjplug.instance.teller"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sync", [False, True])
+def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync):
+    monkeypatch.setattr(module, "SILENCE", SOON)
+    told = server.order(works.Dies(), sync=sync).wait_for_ready()
+    _, stopped = told.perform("live")
+    os.kill(stopped, signal.SIGSTOP)
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    assert told.lost == [({"a"}, "nothing came from the process for 2 s")]
+    assert noted() == ["the worker process: nothing came from the process for 2 s; it is started again in 0.5 s"]
+    told.wait(lambda: not told.held)
+    told.wait_for_ready(2)
+    assert told.perform("live")[1] != stopped
+    assert told.health.restarts == 1
+
+
+@pytest.mark.slow
+def test_a_process_that_is_stopped_while_nothing_is_to_do_is_replaced_too(server, monkeypatch):
+    monkeypatch.setattr(module, "SILENCE", SOON)
+    told = server.order(works.Dies()).wait_for_ready()
+    os.kill(told.perform("live")[1], signal.SIGSTOP)
+    told.wait_for_ready(2)
+    assert told.lost == []
+
+
+@pytest.mark.slow
+def test_a_job_that_never_ends_is_given_up(server, gate):
+    told = server.order(works.Waits(gate), job_timeout=1.0).wait_for_ready()
+    told.submit(["a"])
+    told.wait(lambda: told.lost)
+    assert told.lost == [({"a"}, "a job took longer than 1 s (job_timeout)")]
+    told.wait_for_ready(2)
+    told.submit(["b"])
+    gate.open("w").close()
+    told.wait(lambda: told.done)
+    assert told.done[0][0].tasks == {"b"}
+
+
+@pytest.mark.slow
+def test_an_environment_in_which_opening_never_ends_is_not_available(server, gate, monkeypatch):
+    monkeypatch.setattr(module, "OPENING", 1.0)
+    told = server.order(
+        works.OpensLate(gate), environments=({"WORKS_IN": "vain"}, {"WORKS_IN": "here"}), job_timeout=1.0
+    ).wait_for_ready()
+    assert (told.ready, told.health.restarts) == (["here"], 0)
+
+
+def test_closing_ends_a_process_that_is_stopped(server):
+    told = server.order(works.Dies()).wait_for_ready()
+    os.kill(told.perform("live")[1], signal.SIGSTOP)
+    began = time.monotonic()
+    server.workers.close()
+    # The bound is 1.5 s; the rest is for a machine with other work.
+    assert time.monotonic() - began < 4.0
+
+
+class Used:
+    """Stands for what the system tells of a process: how long it computed, and how long it waited for a processor."""
+
+    def __init__(self, monkeypatch):
+        self.computed = self.waited = 0.0
+        monkeypatch.setattr(module, "usage", lambda pid: (self.computed, self.waited))
+
+
+@pytest.fixture
+def used(monkeypatch):
+    return Used(monkeypatch)
+
+
+def looks(watch, seconds, subject, opening=False, each=lambda: None):
+    """Looks every second; returns after how many of them the process had to be ended, and why."""
+    for second in range(seconds):
+        reason = watch.look(float(second), subject, opening)
+        if reason:
+            return second, reason
+        each()
+    return None
+
+
+def test_a_process_that_sends_nothing_hangs(used):
+    assert looks(Watch(1, 60.0), 100, None) == (10, "nothing came from the process for 10 s")
+
+
+def test_a_process_that_sends_signs_of_life_does_not(used):
+    watch = Watch(1, 60.0)
+    assert looks(watch, 100, None, each=watch.heard) is None
+
+
+def test_a_silent_process_that_computes_or_waits_for_a_processor_does_not_hang_until_its_job_takes_too_long(used):
+    def compute():
+        used.computed += 1.0
+
+    def starve():
+        used.waited += 1.0
+
+    assert looks(Watch(1, 60.0), 1000, "job", each=compute) == (60, "a job took longer than 60 s (job_timeout)")
+    # A tenth of the wall time counts in any case.
+    assert looks(Watch(1, 6.0), 1000, "job", each=starve) == (60, "a job took longer than 6 s (job_timeout)")
+    assert looks(Watch(1, 60.0), 1000, None, each=starve) is None
+
+
+def test_each_job_has_its_own_time(used):
+    watch = Watch(1, 5.0)
+    for second in range(0, 100, 4):
+        job = object()
+        for part in range(4):
+            assert watch.look(float(second + part), job, False) == ""
+            watch.heard()
+
+
+def test_opening_may_take_longer_than_a_job(used):
+    watch = Watch(1, 5.0)
+    assert looks(watch, 1000, "opening", True, watch.heard) == (60, "opening it took longer than 60 s (job_timeout)")
+    assert watch.too_long
+    watch = Watch(1, 90.0)
+    assert looks(watch, 1000, "opening", True, watch.heard) == (90, "opening it took longer than 90 s (job_timeout)")
+
+
+def test_time_in_which_nobody_looked_does_not_count(used):
+    watch = Watch(1, 60.0)
+    # As after a night in which the machine slept.
+    for now in (0.0, 30_000.0, 60_000.0):
+        assert watch.look(now, "job", False) == ""
+
+
+def test_the_system_tells_how_long_a_process_computed():
+    before = usage(os.getpid())
+    if before is None:
+        pytest.skip("this system does not tell")
+    began = time.process_time()
+    while time.process_time() - began < 0.1:
+        pass
+    after = usage(os.getpid())
+    assert after[0] - before[0] == pytest.approx(0.1, abs=0.09)
+    assert after[1] >= before[1]
+    assert usage(2**22 + 1) is None
+    assert LOOK < module.SILENCE
