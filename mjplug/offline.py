@@ -43,7 +43,7 @@ class OfflineWorker:
     def __init__(self) -> None:
         self.health = Health()
 
-    def submit(self, tasks: Iterable[str]) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         """Does nothing."""
 
 

@@ -137,6 +137,8 @@ class Health:
         performed: Jobs done.
         dropped: By task, how often a newer state took the place of one that had waited.
         restarts: How often the process had to be started again.
+        starved: Part of the time in which its threads wanted to compute, in the last second, that they waited for a
+            processor; 0 where the system does not tell.
     """
 
     state: str = "starting"
@@ -144,6 +146,7 @@ class Health:
     performed: int = 0
     dropped: dict[str, int] = field(default_factory=dict)
     restarts: int = 0
+    starved: float = 0.0
 
 
 def worker_diagnosis(health: Health) -> Diagnosis:
@@ -157,6 +160,7 @@ def worker_diagnosis(health: Health) -> Diagnosis:
         "jobs performed": health.performed,
         "states dropped": sum(health.dropped.values()),
         "restarts": health.restarts,
+        "waiting for a processor (%)": round(100.0 * health.starved),
     }
     values |= {f"states dropped for {task}": count for task, count in sorted(health.dropped.items())}
     return Diagnosis(level, f"{health.state}: {health.reason}" if health.reason else health.state, values)
@@ -169,13 +173,18 @@ class Worker(Protocol):
     def health(self) -> Health:
         """How it fares, for diagnostics."""
 
-    def submit(self, tasks: Iterable[str]) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         """Hands over the present state, to be made into `tasks`.
 
         It never waits; if the order is `sync`, the server takes no further step until the job is done or lost, and
         serves requests meanwhile. One job is performed at a time; a newer state takes the place of
         one that waits, which keeps its tasks: those in both are counted as dropped once. An unavailable worker
         answers with `on_lost`.
+
+        Args:
+            tasks: What to make.
+            answered: Whether somebody gets an answer when they are made, and may have begun to listen a moment ago: the
+                process then waits until it knows of every listener that the network knows of now.
         """
 
 

@@ -126,7 +126,7 @@ class InlineWorker:
             self.health.state = "running"
             inbox.post(lambda: order.on_ready(said))
 
-    def submit(self, tasks: Iterable[str]) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         wanted = frozenset(tasks)
         if self.health.state == "unavailable":
             self._inbox.post(lambda: self.order.on_lost(wanted, self.health.reason))

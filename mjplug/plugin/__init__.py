@@ -12,7 +12,7 @@ from mjplug.plugin.host import Host
 from mjplug.plugin.model_names import object_names, ros_tokens
 from mjplug.plugin.plugin import SECTION, Parameters, Plugin
 from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
-from mjplug.work import Job, UnavailableError, Work, Worker, worker_diagnosis
+from mjplug.work import Job, Priority, UnavailableError, Work, Worker, worker_diagnosis
 
 __all__ = [
     "CLOCK",
@@ -34,6 +34,7 @@ __all__ = [
     "Parameters",
     "Plugin",
     "PluginError",
+    "Priority",
     "Publisher",
     "QoS",
     "RequestError",

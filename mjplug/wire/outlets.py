@@ -62,6 +62,16 @@ class LiveOutlet:
         # Tells the present status at once if somebody matches already.
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
 
+    def refresh(self) -> None:
+        """Asks Zenoh whether anybody listens.
+
+        The matching listener is called by a task of Zenoh's own. On a busy machine, a request that a client sends after
+        it has subscribed is here before that call.
+        """
+        if not self.matched:
+            # zenoh's stubs call it a bool; it is what the listener gets.
+            self._changed(self._publisher.matching_status)  # type: ignore[arg-type]
+
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
         self._put(payload)
@@ -142,6 +152,9 @@ class LatchedOutlet:
             else None,
         )
         self._queryable = session.declare_queryable(key, Callback(self._answer, indirect=False))
+
+    def refresh(self) -> None:
+        """Does nothing: it is always matched."""
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""

@@ -132,9 +132,9 @@ def _open(line: _Line, setup: Setup, logger: logging.Logger) -> "Performer | Non
 
 def _perform(line: _Line, performer: "Performer", logger: logging.Logger) -> int:
     while (message := line.receive()) is not None:
-        slot, wanted, time_ns, epoch, tasks = unpack(message)
+        slot, wanted, lag, time_ns, epoch, tasks = unpack(message)
         try:
-            line.send(Done(performer.perform(slot, time_ns, epoch, tasks, wanted)))
+            line.send(Done(performer.perform(slot, time_ns, epoch, tasks, wanted, lag)))
         except Exception as error:
             logger.exception("%s could not be made", ", ".join(sorted(tasks)) or "a job")
             # A new process has a new GL context, among others; going on with a broken one would fail for ever.

@@ -17,9 +17,6 @@ from mjplug.wire.session import SessionSettings, join
 from mjplug.work import Job, Work
 from mjplug.worker.states import SharedStates
 
-_LAG = 0.1
-"""How much later than the server this process may hear of a listener [s]; it is a millisecond as a rule."""
-
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
@@ -55,7 +52,7 @@ class Performer:
         self._slots = SharedStates.attach(states, snapshot.size(self._model)).slots
         self._session: zenoh.Session | None = None
         self._outlets: list[Outlet] = []
-        self._given_up: set[Outlet] = set()
+        self._given_up: dict[Outlet, float] = {}
         self._appeared = threading.Event()
 
     def open(self, logger: logging.Logger) -> str:
@@ -71,7 +68,9 @@ class Performer:
         self._outlets = [outlet for publisher in publishers for outlet in publisher.outlets]
         return assignment.work.open(self._model, publishers, logger)
 
-    def perform(self, slot: int, time_ns: int, epoch: int, tasks: Iterable[str], wanted: Sequence[bool]) -> Any:
+    def perform(
+        self, slot: int, time_ns: int, epoch: int, tasks: Iterable[str], wanted: Sequence[bool], lag: float
+    ) -> Any:
         """Performs a job on the state in a slot; returns what the work returns.
 
         Args:
@@ -80,8 +79,9 @@ class Performer:
             epoch: The job's epoch.
             tasks: What to make.
             wanted: Which outlets, of all publishers in their order, have listeners by what the server knows.
+            lag: How much later than the server this process may hear of a listener [s].
         """
-        self._hear_of(wanted)
+        self._hear_of(wanted, lag)
         snapshot.load(self._model, self._data, self._slots[slot])
         return self._assignment.work.perform(self._data, Job(time_ns, epoch, frozenset(tasks)))
 
@@ -94,16 +94,19 @@ class Performer:
                 # zenoh's stubs leave the return type open.
                 self._session.close()  # type: ignore[no-untyped-call]
 
-    def _hear_of(self, wanted: Sequence[bool]) -> None:
+    def _hear_of(self, wanted: Sequence[bool], lag: float) -> None:
         """Waits until a listener that the server has just heard of is known here too, so that it misses nothing.
 
-        Where the network keeps a listener from this process for good, it waits once.
+        Where the network keeps a listener from this process for good, it waits once for each `lag`.
         """
-        until = monotonic() + _LAG
+        until = monotonic() + lag
+        for outlet, now in zip(self._outlets, wanted, strict=True):
+            if now:
+                outlet.refresh()
         unheard = {outlet for outlet, now in zip(self._outlets, wanted, strict=True) if now and not outlet.matched}
-        while unheard - self._given_up:
-            if not self._appeared.wait(until - monotonic()):
+        while any(self._given_up.get(outlet, 0.0) < lag for outlet in unheard):
+            if not self._appeared.wait(max(0.0, until - monotonic())):
                 break
             self._appeared.clear()
             unheard = {outlet for outlet in unheard if not outlet.matched}
-        self._given_up = unheard
+        self._given_up = {outlet: max(lag, self._given_up.get(outlet, 0.0)) for outlet in unheard}

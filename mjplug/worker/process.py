@@ -55,11 +55,11 @@ class WorkerProcess:
             for payload in (pack(setup), model, assignment):
                 write(self._input, payload)
 
-    def perform(self, slot: int, job: Job, wanted: Sequence[bool]) -> bool:
+    def perform(self, slot: int, job: Job, wanted: Sequence[bool], lag: float) -> bool:
         """Asks a ready process to perform a job; returns whether it still listens. See `Performer.perform`."""
         try:
             # Plain values: a dataclass takes ten times as long, and this is the physics thread.
-            write(self._input, pack((slot, wanted, job.time_ns, job.epoch, tuple(job.tasks))))
+            write(self._input, pack((slot, wanted, lag, job.time_ns, job.epoch, tuple(job.tasks))))
         except OSError:
             return False
         return True

@@ -25,6 +25,8 @@ class Watch:
     counts. From any thread, one at a time; `heard` at any time.
 
     Attributes:
+        starved: Part of the time between the last two looks in which its threads waited for a processor, of that in
+            which they wanted to compute.
         too_long: Whether `look` has found that it was at one thing for too long.
 
     Args:
@@ -33,6 +35,7 @@ class Watch:
     """
 
     def __init__(self, pid: int, job_timeout: float) -> None:
+        self.starved = 0.0
         self.too_long = False
         self._pid = pid
         self._job_timeout = job_timeout
@@ -57,16 +60,17 @@ class Watch:
         # Not more than twice: then it was this thread that was late, or the whole machine that slept.
         elapsed = 0.0 if self._looked is None else min(now - self._looked, 2 * LOOK)
         self._looked = now
-        same, self._subject = subject is not None and subject is self._subject, subject
+        same, busy, self._subject = subject is not None and subject is self._subject, subject is not None, subject
         silent, self._heard = not self._heard, False
         if not same:
             self._spent = 0.0
         if not silent:
             self._silent = 0.0
-        if not (same or silent):
-            self._usage = None
+        if not (busy or silent):
+            self._usage, self.starved = None, 0.0
             return ""
         computed, waited = self._used()
+        self.starved = waited / (computed + waited) if waited else 0.0
         if same:
             self._spent += max(elapsed - waited, _LEAST * elapsed)
         if silent:

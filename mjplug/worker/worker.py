@@ -15,7 +15,7 @@ from mjplug.core.inbox import Inbox
 from mjplug.core.simulation import Simulation
 from mjplug.log import INSTANCES
 from mjplug.wire.dialect import Outlet
-from mjplug.work import Health, Order
+from mjplug.work import Health, Job, Order
 from mjplug.worker.handover import Handover
 from mjplug.worker.messages import Done, Failed, Ready, Setup
 from mjplug.worker.process import WorkerProcess
@@ -24,6 +24,13 @@ from mjplug.worker.watch import Watch
 
 PAUSES = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 """How long to wait before a process is started again [s]: longer each time, up to the last."""
+
+SHORT_LAG, LONG_LAG = 0.1, 5.0
+"""How much later than the server a process may hear of a listener [s]: for a stream, and for what is answered.
+
+It is a millisecond as a rule, and seconds on a busy machine. A stream does not wait so long, because the listener may
+be gone again; one of its messages then is missing.
+"""
 
 PROVEN = 10.0
 """A process that has run so long [s] was no failure: the next restart is quick again."""
@@ -85,15 +92,21 @@ class ProcessWorker:
         self._closing = threading.Event()
         self._guard = threading.Lock()
         self._process: WorkerProcess | None = None
+        # Both threads change it, each time in one call, which Python's lock makes whole.
+        self._answered: set[str] = set()
         self._watch: Watch | None = None
         self._hung = ""
         self._ready = False
         self._thread = threading.Thread(target=self._supervise, name=f"worker {order.name}", daemon=True)
         self._thread.start()
 
-    def submit(self, tasks: Iterable[str]) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         """Hands over the present state; see `mjplug.work.Worker`."""
         simulation, wanted = self._simulation, frozenset(tasks)
+        if answered:
+            self._answered.update(wanted)
+            for outlet in self._outlets:
+                outlet.refresh()
         if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
             self._post_lost(wanted, self.health.reason)
         elif self._order.sync:
@@ -112,6 +125,7 @@ class ProcessWorker:
                 return
             opening = not self._ready
             self._hung = watch.look(now, process if opening else self._handover.under_way, opening)
+            self.health.starved = watch.starved
             if self._hung:
                 self._note("restarting", self._hung)
                 process.kill()
@@ -248,13 +262,19 @@ class ProcessWorker:
             self._ready = True
         self._note("running", "")
         self._inbox.post(partial(self._order.on_ready, said))
-        outlets = self._outlets
-        self._handover.connect(lambda slot, job: process.perform(slot, job, [outlet.matched for outlet in outlets]))
+        outlets, answered = self._outlets, self._answered
+
+        def send(slot: int, job: Job) -> bool:
+            lag = SHORT_LAG if answered.isdisjoint(job.tasks) else LONG_LAG
+            return process.perform(slot, job, [outlet.matched for outlet in outlets], lag)
+
+        self._handover.connect(send)
 
     def _finish(self, report: Any) -> None:
         job = self._handover.finish()
         if job is not None:
             self.health.performed += 1
+            self._answered.difference_update(job.tasks)
             self._inbox.post(partial(self._order.on_done, job, report))
         self._let_go()
 
@@ -283,6 +303,7 @@ class ProcessWorker:
             self._order.hold(False)
 
     def _post_lost(self, tasks: frozenset[str], reason: str) -> None:
+        self._answered.difference_update(tasks)
         self._inbox.post(partial(self._order.on_lost, tasks, reason))
 
     def _note(self, state: str, reason: str) -> None:

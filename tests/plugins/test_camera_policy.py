@@ -1,6 +1,7 @@
 """When cameras publish: at their rates, on request, while somebody listens, while the process is busy or gone."""
 
 import logging
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -62,12 +63,12 @@ def test_cameras_of_different_sizes_share_the_state_of_one_instant():
     )
     common = front.keys() & wrist.keys()
     assert sorted(common) == [500_000_000, 1_000_000_000, 1_500_000_000, 2_000_000_000]
-    for time in common:
-        assert front[time].shape == (12, 16)
-        assert wrist[time].shape == (30, 20)
-        top = 0.2 + 0.5 * time / 1e9
-        assert front[time][6, 8] == pytest.approx(2.0 - top, rel=1e-5)
-        assert wrist[time][15, 10] == pytest.approx(3.0 - top, rel=1e-5)
+    for stamp in common:
+        assert front[stamp].shape == (12, 16)
+        assert wrist[stamp].shape == (30, 20)
+        top = 0.2 + 0.5 * stamp / 1e9
+        assert front[stamp][6, 8] == pytest.approx(2.0 - top, rel=1e-5)
+        assert wrist[stamp][15, 10] == pytest.approx(3.0 - top, rel=1e-5)
     # Together means in one job.
     assert worker(world).health.performed == len(front.keys() | wrist.keys())
 
@@ -214,13 +215,119 @@ def test_a_busy_process_gets_the_newest_state_and_what_it_misses_is_counted(capl
 def test_diagnostics_say_what_draws_and_how_many_images_a_second():
     world = world_of(scene(TWO), camera_publish_rate=50.0)
     world.loop.step(500)
-    world.loop.step(0)
+    second(world)
     said = diagnosis(world)
     assert said.level == Level.OK
     assert said.values["renderer"].startswith("rendering with ")
     assert said.values["state"] == "running"
     assert float(said.values["images/s of front"]) > 0
-    assert float(diagnosis(world).values["images/s of front"]) == 0
+    assert said.values["images/s of front"] == said.values["images/s asked of front"]
+
+
+def second(world):
+    """Does what the loop does once a second of wall time."""
+    world.loop.step(0)
+    for callback in world.loop.on_second:
+        callback(perf_counter())
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Wall time as the plugin sees it [s]; a list of one."""
+    now = [0.0]
+    for module in ("mjplug_plugins.pace", "mjplug_plugins.camera.triggers"):
+        monkeypatch.setattr(f"{module}.monotonic", lambda: now[0])
+    return now
+
+
+def seconds(world, clock, count, each=lambda: None):
+    """Lets wall time go by."""
+    for _ in range(count):
+        each()
+        clock[0] += 1.0
+        world.loop.step(0)
+        for callback in world.loop.on_second:
+            callback(clock[0])
+
+
+def warnings(caplog):
+    """What was warned of, besides the renderer of this machine."""
+    told = [r.getMessage() for r in caplog.records if r.name.endswith("cameras") and r.levelno >= logging.WARNING]
+    return [text for text in told if not text.startswith("rendering with ")]
+
+
+def test_a_camera_that_reaches_less_than_half_of_its_rate_is_told_once_a_minute(clock, caplog):
+    world = world_of(scene(TWO), camera_publish_rate=10.0, wrist={"publish_rate": 2.0})
+    health = worker(world).health
+    health.starved = 0.9
+
+    def one_second():
+        # One image of front a second instead of ten, one of wrist instead of two.
+        worker(world).hold()
+        world.loop.step(500)
+        worker(world).release()
+
+    caplog.clear()
+    seconds(world, clock, 70, one_second)
+    slow = (
+        "front reaches 1.0 of 10.0 images/s: the worker process waits for a processor 90% of its time, because other "
+        "programs keep them busy; see the parameter priority"
+    )
+    assert warnings(caplog) == [slow, slow]
+    said = diagnosis(world)
+    assert (said.level, said.message) == (Level.WARN, slow)
+    assert said.values["images/s of front"] == "1"
+    assert said.values["images/s asked of front"] == "10"
+
+
+def test_drops_are_counted_by_topic(clock):
+    world = world_of(scene(TWO), camera_publish_rate=10.0)
+    listen(world, "front/color", "front/camera_info")
+    worker(world).hold()
+    world.loop.step(250)
+    worker(world).release()
+    seconds(world, clock, 1)
+    dropped = {name: count for name, count in diagnosis(world).values.items() if name.startswith("dropped on ")}
+    assert dropped == {"dropped on /cameras/front/color": "4", "dropped on /cameras/front/camera_info": "4"}
+
+
+def test_a_camera_that_keeps_up_is_not_told(clock, caplog):
+    world = world_of(scene(TWO), camera_publish_rate=10.0, wrist={"publish_rate": 0.5})
+    caplog.clear()
+    seconds(world, clock, 30, lambda: world.loop.step(500))
+    assert warnings(caplog) == []
+    assert diagnosis(world).level == Level.OK
+
+
+@pytest.mark.parametrize(
+    ("state", "reason", "why"),
+    [
+        ("starting", "", "the worker process is still starting"),
+        ("restarting", "it died", "the worker process is being started again: it died"),
+        ("running", "", "the worker process is busy; reduce sizes, rates or quality"),
+    ],
+)
+def test_a_trigger_that_takes_too_long_is_refused_with_the_reason(clock, state, reason, why):
+    world = world_of(scene(TWO), front=POLLED, trigger_timeout=3.0)
+    world.loop.step(1)
+    worker(world).hold()
+    call = world.call("/cameras/front/trigger")
+    worker(world).health.state, worker(world).health.reason = state, reason
+    seconds(world, clock, 2)
+    assert not call.answered
+    seconds(world, clock, 4)
+    assert call.refusal == f"no image within 3 s (trigger_timeout): {why}"
+    # The image that comes later answers nobody.
+    worker(world).release()
+    world.loop.step(1)
+    assert call.answers == 1
+
+
+def test_the_settings_of_the_process_are_those_of_the_configuration():
+    order = worker(world_of(scene(TWO))).order
+    assert (order.priority, order.job_timeout) == ("low", 60.0)
+    order = worker(world_of(scene(TWO), priority="idle", job_timeout=5.0)).order
+    assert (order.priority, order.job_timeout) == ("idle", 5.0)
 
 
 def test_in_software_the_log_says_so_once(caplog):

@@ -294,7 +294,7 @@ def test_a_configuration_is_read_as_it_is_written(tmp_path):
 
 WRONG = [
     (("max_range: 10", "max_rang: 10"), "scan.max_rang: unknown key; known: azimuth_range, "),
-    (("threads: 2", "thread: 2"), "thread: unknown key; known: sync, threads"),
+    (("threads: 2", "thread: 2"), "thread: unknown key; known: job_timeout, priority, sync, threads"),
     (("threads: 2", "threads: 0"), "threads: Input should be greater than or equal to 1, not 0"),
     (("max_range: 10", "max_range: 0.1"), "scan.max_range: 0.1 is not above min_range, which is 0.1"),
     (("[360, 1]", "[0, 1]"), "scan.resolution: columns and rows must be above 0, not 0 and 1"),

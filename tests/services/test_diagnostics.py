@@ -366,6 +366,7 @@ def test_a_worker_tells_what_it_dropped_for_each_task(serve, clock):
         "jobs performed": "9",
         "states dropped": "3",
         "restarts": "4",
+        "waiting for a processor (%)": "0",
         "states dropped for front": "1",
         "states dropped for rear": "2",
     }

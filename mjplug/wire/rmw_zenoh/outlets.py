@@ -78,6 +78,9 @@ class LatchedRmwOutlet:
             else None,
         )
 
+    def refresh(self) -> None:
+        """Does nothing: it is always matched."""
+
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""
         self._publisher.put(payload, attachment=self._attachments.next())

@@ -1,9 +1,12 @@
 """How the cameras fare, for `/diagnostics`."""
 
-from collections.abc import Collection, Iterable, Mapping
-from time import monotonic
+from collections.abc import Mapping
+from logging import Logger
+from typing import Any
 
-from mjplug.plugin import Diagnosis, Level, Worker, worker_diagnosis
+from mjplug.plugin import Diagnosis, Level, Publisher, Worker, worker_diagnosis
+from mjplug_plugins.camera.work import stream_task
+from mjplug_plugins.pace import Pace
 
 
 class Fitness:
@@ -11,33 +14,32 @@ class Fitness:
 
     Attributes:
         renderer: What draws; empty until that is known.
+        pace: Counts what is due and what was drawn.
 
     Args:
-        cameras: Names.
+        topics: For each camera, its publishers by the full names of their topics.
+        logger: The plugin's.
     """
 
-    def __init__(self, cameras: Iterable[str]) -> None:
+    def __init__(self, topics: Mapping[str, Mapping[str, Publisher[Any]]], logger: Logger) -> None:
         self.renderer = ""
-        self._images = dict.fromkeys(cameras, 0)
+        self.pace = Pace("images", topics, logger)
+        self._cameras = tuple(topics)
         self._dropped = 0
-        self._since = monotonic()
 
-    def count(self, heard: Mapping[str, Collection[str]]) -> None:
-        """Takes a report of the process: the cameras that were due, and what somebody listened to."""
-        for camera, topics in heard.items():
-            self._images[camera] += bool(topics)
+    def look(self, worker: Worker) -> None:
+        """Compares the rates; to be called about once a second of wall time."""
+        dropped = worker.health.dropped
+        self.pace.look(worker, {camera: dropped.get(stream_task(camera), 0) for camera in self._cameras})
 
     def diagnose(self, worker: Worker) -> Diagnosis:
-        """Returns the state of things; rates are since the last call."""
-        now = monotonic()
-        elapsed, self._since = max(now - self._since, 1e-9), now
+        """Returns the state of things."""
         dropped = sum(worker.health.dropped.values())
         newly, self._dropped = dropped - self._dropped, dropped
         said = worker_diagnosis(worker.health)
-        values = {**said.values, "renderer": self.renderer}
-        for camera, images in self._images.items():
-            values[f"images/s of {camera}"] = round(images / elapsed, 1)
-            self._images[camera] = 0
+        values = {**said.values, "renderer": self.renderer, **self.pace.values()}
+        if said.level == Level.OK and (slow := self.pace.slow(worker)):
+            return Diagnosis(Level.WARN, slow, values)
         if said.level == Level.OK and newly > 0:
             slow = f"drawing is slower than asked for; {newly} images were dropped since the last status"
             return Diagnosis(Level.WARN, slow, values)

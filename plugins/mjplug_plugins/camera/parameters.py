@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mjplug.plugin import SECTION, Parameters
+from mjplug.plugin import SECTION, Parameters, Priority
 from mjplug_plugins.camera.view import Segmentation
 
 Policy = Literal["streaming", "polled", "disabled"]
@@ -66,6 +66,20 @@ class CameraParameters(Parameters):
         default="inf", description="Depth where there is nothing; `far` is the distance of the far plane."
     )
     sync: bool = Field(default=False, description="Whether physics waits for every image.")
+    priority: Priority = Field(
+        default="low",
+        description="Processor time for drawing beside other programs: `idle` only what is left over, `low` less than "
+        "others, `normal` as much as others.",
+    )
+    job_timeout: float = Field(
+        default=60.0,
+        gt=0,
+        description="How long drawing may take before its process is replaced [s]; waiting for a processor does not "
+        "count.",
+    )
+    trigger_timeout: float = Field(
+        default=8.0, gt=0, description="After how long without an image a trigger is refused, with the reason [s]."
+    )
     jpeg_quality: int = Field(default=95, ge=1, le=100, description="Quality of the JPEG images [%].")
     geom_groups: tuple[Group, ...] = Field(
         default=(0, 1, 2), strict=False, description="Groups of geoms that are drawn."

@@ -1,6 +1,8 @@
 """The camera plugin: decides when which camera publishes; a process of its own does the drawing."""
 
-from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, UnknownName, Worker, ros_tokens
+from typing import Any
+
+from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, Publisher, UnknownName, Worker, ros_tokens
 from mjplug_plugins.camera.fitness import Fitness
 from mjplug_plugins.camera.gl import environments
 from mjplug_plugins.camera.parameters import CameraParameters, ViewParameters
@@ -8,6 +10,7 @@ from mjplug_plugins.camera.schedule import Publishers, Schedule
 from mjplug_plugins.camera.triggers import Triggers
 from mjplug_plugins.camera.view import View, camera_names, has_resolution, intrinsics_of, size_of
 from mjplug_plugins.camera.work import CameraWork, Look, stream_task
+from mjplug_plugins.pace import why_slow
 from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
 from mjplug_schemas.std_srvs import Trigger
 
@@ -35,7 +38,8 @@ class Camera(Plugin[CameraParameters]):
             host.logger.warning("%s: nothing is published", why)
             return
         views = _views(host, ids, chosen, parameters)
-        self._triggers = Triggers(lambda task: self._worker.submit([task]))
+        self._triggers = Triggers(lambda task: self._worker.submit([task], answered=True), parameters.trigger_timeout)
+        self._topics: dict[str, dict[str, Publisher[Any]]] = {}
         publishers = {view.name: self._declare(view, chosen[view.name]) for view in views}
         look = Look(
             parameters.quality,
@@ -44,12 +48,14 @@ class Camera(Plugin[CameraParameters]):
             parameters.background,
             parameters.jpeg_quality,
         )
-        self._fitness = Fitness(publishers)
+        self._fitness = Fitness(self._topics, host.logger)
         self._worker: Worker = host.create_worker(
             CameraWork(views, look),
             [publisher for own in publishers.values() for publisher in own],
             environments=environments(),
             sync=parameters.sync,
+            priority=parameters.priority,
+            job_timeout=parameters.job_timeout,
             on_ready=self._ready,
             on_done=self._done,
             on_lost=self._lost,
@@ -62,6 +68,7 @@ class Camera(Plugin[CameraParameters]):
         for rate, cameras in rates.items():
             self._schedule.add(rate, cameras)
         host.create_diagnostic("", lambda: self._fitness.diagnose(self._worker))
+        host.create_wall_timer(1.0, self._look)
 
     def on_reset(self) -> None:
         """Forgets what was due."""
@@ -72,16 +79,20 @@ class Camera(Plugin[CameraParameters]):
         """Declares what a camera has, and returns its publishers in the order in which `CameraWork` takes them."""
         host, name, token = self._host, view.name, view.token
         image, depth = settings.image_topic or f"{token}/color", settings.depth_topic or f"{token}/depth"
+        topics: list[tuple[type[Image | CameraInfo | CompressedImage], str]] = [
+            (Image, image),
+            (Image, depth),
+            (CameraInfo, settings.info_topic or f"{token}/camera_info"),
+            (CompressedImage, f"{image}/compressed"),
+            (CompressedImage, f"{depth}/compressedDepth"),
+        ]
+        if settings.segmentation != "none":
+            topics.append((Image, f"{token}/segmentation"))
         try:
-            publishers: Publishers = [
-                host.create_publisher(Image, image, LATEST),
-                host.create_publisher(Image, depth, LATEST),
-                host.create_publisher(CameraInfo, settings.info_topic or f"{token}/camera_info", LATEST),
-                host.create_publisher(CompressedImage, f"{image}/compressed", LATEST),
-                host.create_publisher(CompressedImage, f"{depth}/compressedDepth", LATEST),
-            ]
-            if settings.segmentation != "none":
-                publishers.append(host.create_publisher(Image, f"{token}/segmentation", LATEST))
+            publishers: Publishers = [host.create_publisher(kind, topic, LATEST) for kind, topic in topics]
+            self._topics[name] = {
+                host.full_name(topic): own for (_, topic), own in zip(topics, publishers, strict=True)
+            }
             if settings.policy == "polled":
                 service = settings.trigger_service_name or f"{token}/trigger"
                 host.create_service(Trigger, service, lambda request, call: self._triggers.serve(name))
@@ -93,7 +104,12 @@ class Camera(Plugin[CameraParameters]):
 
     def _stream(self, cameras: set[str]) -> None:
         if not self._triggers.refusal:
+            self._fitness.pace.ask(cameras)
             self._worker.submit(map(stream_task, cameras))
+
+    def _look(self) -> None:
+        self._fitness.look(self._worker)
+        self._triggers.expire(lambda: why_slow(self._worker))
 
     def _ready(self, said: str) -> None:
         first, self._fitness.renderer = not self._fitness.renderer, said
@@ -107,7 +123,7 @@ class Camera(Plugin[CameraParameters]):
             self._host.logger.info("%s", said)
 
     def _done(self, job: Job, heard: dict[str, tuple[str, ...]]) -> None:
-        self._fitness.count(heard)
+        self._fitness.pace.make(camera for camera, topics in heard.items() if topics)
         self._triggers.done(job, heard)
 
     def _lost(self, tasks: frozenset[str], reason: str) -> None:

@@ -1,7 +1,9 @@
 """Images on request: an answer comes when the image has been published, or with the reason why it will not be."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from itertools import count
+from time import monotonic
 
 from mjplug.plugin import Event, Job, RequestError, Slow
 from mjplug_plugins.camera.work import camera_of, trigger_task
@@ -16,10 +18,12 @@ class Triggers:
 
     Args:
         submit: Hands a task to the process that draws.
+        timeout: How long a request may wait [s of wall time].
     """
 
-    def __init__(self, submit: Callable[[str], None]) -> None:
+    def __init__(self, submit: Callable[[str], None], timeout: float = math.inf) -> None:
         self.refusal = ""
+        self._timeout = timeout
         self._submit = submit
         self._numbers = count(1)
         self._waiting: dict[str, _Shot] = {}
@@ -47,6 +51,12 @@ class Triggers:
             did = f"published {topics}" if topics else "drawn, but nobody listens"
             self._waiting[task].end(message=f"{did}; stamp {stamp}")
 
+    def expire(self, why: Callable[[], str]) -> None:
+        """Refuses those that have waited for too long; `why` says what takes so long."""
+        now = monotonic()
+        for shot in [shot for shot in self._waiting.values() if now - shot.began >= self._timeout]:
+            shot.end(failure=f"no image within {self._timeout:g} s (trigger_timeout): {why()}")
+
     def lost(self, tasks: frozenset[str], reason: str) -> None:
         """Answers those whose image will not come."""
         for task in tasks & self._waiting.keys():
@@ -58,6 +68,7 @@ class _Shot:
 
     def __init__(self) -> None:
         self.ended = Event()
+        self.began = monotonic()
         self.message = ""
         self.failure = ""
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import SECTION, Parameters
+from mjplug.plugin import SECTION, Parameters, Priority
 
 
 def _listed(value: object) -> object:
@@ -84,3 +84,14 @@ class PluginParameters(Parameters):
 
     threads: int = Field(default=1, ge=1, le=64, description="Threads that cast the rays of a scan.")
     sync: bool = Field(default=False, description="Whether physics waits for each scan.")
+    priority: Priority = Field(
+        default="low",
+        description="Processor time for casting beside other programs: `idle` only what is left over, `low` less than "
+        "others, `normal` as much as others.",
+    )
+    job_timeout: float = Field(
+        default=60.0,
+        gt=0,
+        description="How long casting may take before its process is replaced [s]; waiting for a processor does not "
+        "count.",
+    )

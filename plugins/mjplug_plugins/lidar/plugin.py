@@ -9,6 +9,7 @@ from mjplug.plugin import (
     Diagnosis,
     Host,
     Job,
+    Level,
     Plugin,
     PluginError,
     Publisher,
@@ -19,6 +20,7 @@ from mjplug.plugin import (
 from mjplug_plugins.lidar.parameters import LidarParameters, PluginParameters
 from mjplug_plugins.lidar.settings import Settings, settings_of
 from mjplug_plugins.lidar.work import LidarWork
+from mjplug_plugins.pace import Pace
 from mjplug_schemas.sensor_msgs import LaserScan, PointCloud2
 
 Scans = LaserScan | PointCloud2
@@ -47,23 +49,31 @@ class Lidar(Plugin[PluginParameters]):
             LidarWork(lidars, parameters.threads),
             list(self._publishers.values()),
             sync=parameters.sync,
+            priority=parameters.priority,
+            job_timeout=parameters.job_timeout,
             on_done=self._done,
             on_lost=self._not_done,
         )
         # Those of one rate are due together, and so made from one state.
         for rate in sorted({lidar.update_rate for lidar in lidars}):
             self._start_timer(rate, [lidar.name for lidar in lidars if lidar.update_rate == rate])
+        topics = {lidar.name: {host.full_name(lidar.topic): self._publishers[lidar.name]} for lidar in lidars}
+        self._pace = Pace("scans", topics, host.logger)
         host.create_diagnostic("", self._diagnose)
+        host.create_wall_timer(1.0, lambda: self._pace.look(self._worker, self._worker.health.dropped))
 
     def _start_timer(self, rate: float, names: list[str]) -> None:
         def submit() -> None:
-            self._worker.submit([name for name in names if self._publishers[name].matched])
+            due = [name for name in names if self._publishers[name].matched]
+            self._pace.ask(due)
+            self._worker.submit(due)
 
         period = 1.0 / rate if rate else float(self._host.model.opt.timestep)
         self._host.create_timer(period, submit, while_matched=[self._publishers[name] for name in names])
 
     def _done(self, job: Job, taken: Mapping[str, float]) -> None:
         self._taken.update(taken)
+        self._pace.make(taken)
         self._lost = ""
 
     def _not_done(self, names: frozenset[str], reason: str) -> None:
@@ -74,7 +84,11 @@ class Lidar(Plugin[PluginParameters]):
     def _diagnose(self) -> Diagnosis:
         diagnosis = worker_diagnosis(self._worker.health)
         times = {f"last scan of {name} [ms]": f"{1e3 * taken:.2f}" for name, taken in sorted(self._taken.items())}
-        return Diagnosis(diagnosis.level, diagnosis.message, {**diagnosis.values, **times})
+        values = {**diagnosis.values, **times, **self._pace.values()}
+        slow = self._pace.slow(self._worker)
+        if diagnosis.level == Level.OK and slow:
+            return Diagnosis(Level.WARN, slow, values)
+        return Diagnosis(diagnosis.level, diagnosis.message, values)
 
 
 def _lidars(host: Host, configured: Mapping[str, LidarParameters]) -> list[Settings]:
