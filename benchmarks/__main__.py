@@ -6,7 +6,18 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmarks import camera, free_joints, joints, lateness, lidar, publication, rmw_zenoh, round_trip, steps
+from benchmarks import (
+    camera,
+    camera_busy,
+    free_joints,
+    joints,
+    lateness,
+    lidar,
+    publication,
+    rmw_zenoh,
+    round_trip,
+    steps,
+)
 from benchmarks.measure import Result
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
@@ -30,7 +41,7 @@ def _table(results: list[Result]) -> str:
 def main() -> int:
     """Measures; returns 0 whether or not the goals are met, since a noisy machine is no failure."""
     results: list[Result] = []
-    for part in (steps, publication, rmw_zenoh, free_joints, joints, lidar, camera, round_trip, lateness):
+    for part in (steps, publication, rmw_zenoh, free_joints, joints, lidar, camera, camera_busy, round_trip, lateness):
         print(f"measuring {part.__name__.removeprefix('benchmarks.')} ...", file=sys.stderr, flush=True)
         results += part.results()
     versions = ", ".join(f"{name} {version(name)}" for name in ("mjplug", "mujoco", "eclipse-zenoh", "numpy"))

@@ -188,13 +188,13 @@ def _beside_physics(uri: str) -> list[Result]:
     """Lateness and real-time factor of 1 kHz physics, with a camera that a client in another process listens to."""
     factors: list[float] = []
     images: list[int] = []
-    with _served(uri) as (server, endpoint), _Listener(endpoint) as listener:
+    with served(uri) as (server, endpoint), Listener(endpoint) as listener:
 
         def run(listening: bool) -> float:
             def work(late: list[float]) -> None:
                 if listening:
                     listener.begin()
-                factor = _run(server, late)
+                factor = run_for_a_while(server, late)
                 if listening:
                     factors.append(factor)
                     images.append(listener.end())
@@ -210,7 +210,7 @@ def _beside_physics(uri: str) -> list[Result]:
     return [late, Result(what, f"{factor:.4f}", received, factor, min(factors[1:]), max(factors[1:]), ">= 0.995")]
 
 
-def _run(server: Server, late: list[float]) -> float:
+def run_for_a_while(server: Server, late: list[float]) -> float:
     """Runs for a while in real time; returns the real-time factor."""
     loop = server.loop
     first = loop.simulation.step
@@ -229,7 +229,8 @@ def _run(server: Server, late: list[float]) -> float:
 
 
 @contextmanager
-def _served(uri: str) -> Iterator[tuple[Server, str]]:
+def served(uri: str) -> Iterator[tuple[Server, str]]:
+    """A server with a camera of a model, in this process, and its endpoint."""
     model = model_of(uri)
     model.opt.timestep = PERIOD
     settings = Settings.model_validate({"model": uri, "sim": {"speed": 1.0}})
@@ -243,20 +244,21 @@ def _served(uri: str) -> Iterator[tuple[Server, str]]:
             workers.close()
 
 
-class _Listener:
+class Listener:
     """A client in another process, that listens when told to."""
 
     def __init__(self, endpoint: str) -> None:
         command = [sys.executable, "-m", "benchmarks.camera", endpoint]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def __enter__(self) -> "_Listener":
+    def __enter__(self) -> "Listener":
         return self
 
     def __exit__(self, *_: object) -> None:
         self._process.communicate()
 
     def begin(self) -> None:
+        """Begins to count messages."""
         self._ask()
 
     def end(self) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from wire.conftest import PATIENCE
+from wire.conftest import PATIENCE, Client
 from worker import works
 
 from mjplug.errors import PluginError
@@ -148,6 +148,23 @@ def test_in_lockstep_every_step_has_its_message(server, client):
     assert samples.empty()
     assert [job.time_ns for job, _ in told.done] == [time_ns for time_ns, _ in states]
     assert told.health.dropped == {}
+
+
+def test_whoever_begins_to_listen_right_before_an_answered_job_gets_its_message(server):
+    told = server.order(works.Tells()).wait_for_ready()
+    for number in range(20):
+        latecomer = Client(server.network.session.endpoint)
+        try:
+            samples = latecomer.listen("told")
+            # A request on the same link comes after the subscription.
+            latecomer.settle()
+            before = len(told.done)
+            told.submit([f"task {number}"], answered=True)
+            told.wait(lambda before=before: len(told.done) > before)
+            message = JointState.from_cdr(bytes(samples.get(timeout=PATIENCE).payload))
+            assert list(message.name) == [f"task {number}"]
+        finally:
+            latecomer.close()
 
 
 def test_what_is_logged_in_the_process_appears_under_the_instance(server, caplog):
