@@ -24,9 +24,6 @@ class Outlet(Protocol):
     def matched(self) -> bool:
         """Whether a put reaches anybody, now or as a late joiner."""
 
-    def refresh(self) -> None:
-        """Asks Zenoh whether a put reaches anybody; `matched` may be some milliseconds behind. It takes about 6 µs."""
-
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message. Physics thread."""
 
@@ -35,6 +32,9 @@ class Outlet(Protocol):
 
         `matched` follows subscribers with a delay.
         """
+
+    def look(self) -> None:
+        """Brings `matched` up to date, whatever the key; it takes about 6 µs. Any thread."""
 
     def lease(self) -> "OutletLease":
         """Returns what another process needs to write to this key as if it were the server."""

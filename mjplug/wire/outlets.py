@@ -62,16 +62,6 @@ class LiveOutlet:
         # Tells the present status at once if somebody matches already.
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
 
-    def refresh(self) -> None:
-        """Asks Zenoh whether anybody listens.
-
-        The matching listener is called by a task of Zenoh's own. On a busy machine, a request that a client sends after
-        it has subscribed is here before that call.
-        """
-        if not self.matched:
-            # zenoh's stubs call it a bool; it is what the listener gets.
-            self._changed(self._publisher.matching_status)  # type: ignore[arg-type]
-
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
         self._put(payload)
@@ -79,6 +69,10 @@ class LiveOutlet:
     def lease(self) -> OutletLease:
         """Returns what another process needs to write to the key."""
         return self._lease
+
+    def look(self) -> None:
+        """Brings `matched` up to date."""
+        self.refresh(self._key)
 
     def refresh(self, key: str) -> bool:
         """Brings `matched` up to date if this is the outlet's key; returns whether it is, with a subscriber.
@@ -153,9 +147,6 @@ class LatchedOutlet:
         )
         self._queryable = session.declare_queryable(key, Callback(self._answer, indirect=False))
 
-    def refresh(self) -> None:
-        """Does nothing: it is always matched."""
-
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""
         self._last.append(payload)
@@ -164,6 +155,9 @@ class LatchedOutlet:
     def lease(self) -> OutletLease:
         """Returns what another process needs to write to the key."""
         return self._lease
+
+    def look(self) -> None:
+        """Does nothing: it is always matched."""
 
     def refresh(self, key: str) -> bool:
         """Returns false: it is always matched, and late subscribers miss nothing."""

@@ -102,7 +102,7 @@ class Performer:
         until = monotonic() + lag
         for outlet, now in zip(self._outlets, wanted, strict=True):
             if now:
-                outlet.refresh()
+                outlet.look()
         unheard = {outlet for outlet, now in zip(self._outlets, wanted, strict=True) if now and not outlet.matched}
         while any(self._given_up.get(outlet, 0.0) < lag for outlet in unheard):
             if not self._appeared.wait(max(0.0, until - monotonic())):

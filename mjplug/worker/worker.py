@@ -106,7 +106,7 @@ class ProcessWorker:
         if answered:
             self._answered.update(wanted)
             for outlet in self._outlets:
-                outlet.refresh()
+                outlet.look()
         if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
             self._post_lost(wanted, self.health.reason)
         elif self._order.sync:

@@ -78,12 +78,12 @@ class LatchedRmwOutlet:
             else None,
         )
 
-    def refresh(self) -> None:
-        """Does nothing: it is always matched."""
-
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""
         self._publisher.put(payload, attachment=self._attachments.next())
+
+    def look(self) -> None:
+        """Does nothing: it is always matched."""
 
     def refresh(self, key: str) -> bool:
         """Returns false: it is always matched, and late nodes miss nothing."""
