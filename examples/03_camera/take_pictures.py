@@ -39,8 +39,9 @@ def main() -> int:
         for _ in range(ATTEMPTS):
             answer = ask(session, "cameras/overview/trigger")
             print("trigger:", answer["message"], flush=True)
+            # The message says why; on a busy machine the renderer may still be starting.
             if not answer["success"]:
-                return 1
+                continue
             # Like every stream, images may be dropped on a busy network; then another one is asked for.
             if picture := received(inbox["overview/color"], inbox["overview/depth"], inbox["overview/camera_info"]):
                 break

@@ -79,7 +79,7 @@ def test_in_lockstep_every_image_arrives_with_its_state_s_time(serve):
 
 @pytest.mark.usefixtures("gl")
 def test_a_killed_process_is_replaced_and_triggers_go_on(serve):
-    server = serve("eye: {policy: polled}")
+    server = serve("trigger_timeout: 60, eye: {policy: polled}")
     with Client(server.endpoint) as client:
         depth = client.listen("cameras/eye/depth")
         assert client.do("cameras/eye/trigger").endswith("; stamp 0.000000000")
@@ -90,6 +90,29 @@ def test_a_killed_process_is_replaced_and_triggers_go_on(serve):
         assert client.do("cameras/eye/trigger") == "published depth; stamp 0.014000000"
         assert Image.from_cdr(depth.sample().payload.to_bytes()).header.stamp.to_ns() == 14_000_000
     assert server.stop() == 0
+
+
+@pytest.mark.usefixtures("gl")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_in_lockstep_requests_are_answered_while_a_process_is_started_again(serve, number):
+    server = serve("sync: true, camera_publish_rate: 10, job_timeout: 2")
+    with Client(server.endpoint) as client:
+        color = client.listen("cameras/eye/color")
+        client.do("mjplug/step_simulation", steps=50)
+        color.sample(STARTING)
+        os.kill(worker_of(server), number)
+        steps = client.request("mjplug/step_simulation", steps=100)
+        # The images of the next 0.2 s come late, if at all; until then, everything else is answered.
+        for _ in range(20):
+            assert client.ask("mjplug/set_pause", paused=True)["success"] is True
+        # Pausing ends steps that are under way.
+        steps.answer(STARTING)
+        server.err.wait_for("it is started again in 0.5 s", STARTING)
+        color.forget()
+        client.do("mjplug/set_pause", paused=False)
+        color.sample(STARTING)
+    assert server.stop() == 0
+    assert "Traceback" not in server.err.text
 
 
 @pytest.fixture

@@ -31,11 +31,18 @@ def check_scheduling() -> Iterator[Finding]:
     else:
         yield Finding(_TOPIC, "note", "MuJoCo's step timer: cannot be switched off; a step takes 0.75 µs more")
     if not hasattr(os, "SCHED_IDLE"):
-        yield Finding(_TOPIC, "note", "SCHED_IDLE: this system has none; cameras and lidars may make steps late")
+        yield Finding(
+            _TOPIC, "note", "SCHED_IDLE: this system has none, so `priority: idle` of cameras and lidars is nice 19"
+        )
     elif _in_a_thread(_may_be_idle):
-        yield Finding(_TOPIC, "ok", "SCHED_IDLE: cameras and lidars can give way to physics")
+        yield Finding(_TOPIC, "ok", "SCHED_IDLE: `priority: idle` of cameras and lidars can be set")
     else:
-        yield Finding(_TOPIC, "warning", "SCHED_IDLE: not allowed; cameras and lidars may make steps late", _fix())
+        yield Finding(
+            _TOPIC,
+            "warning",
+            "SCHED_IDLE: not allowed, so `priority: idle` of cameras and lidars has no effect",
+            _fix(),
+        )
     late = _lateness()
     said = f"a thread that sleeps for 1 ms wakes up {late * 1e3:.2f} ms late, at the 99th percentile"
     if late < _LATE:
