@@ -24,17 +24,31 @@ class OfflinePublisher:
 
 
 class OfflineTransport:
-    """Accepts every endpoint, and delivers nothing."""
+    """Accepts every endpoint, and delivers nothing.
+
+    Attributes:
+        published: The topics that are published.
+        subscribed: The topics that are subscribed to.
+        services: The services.
+    """
+
+    def __init__(self) -> None:
+        self.published: list[Topic[Any]] = []
+        self.subscribed: list[Topic[Any]] = []
+        self.services: list[ServiceName] = []
 
     def open_publisher(self, topic: Topic[Any], on_matched: Callable[[], None] | None = None) -> OfflinePublisher:
         """Returns a publisher without listeners."""
+        self.published.append(topic)
         return OfflinePublisher()
 
     def open_subscription(self, topic: Topic[Any], deliver: Callable[[Any], None]) -> None:
-        """Does nothing."""
+        """Notes the topic."""
+        self.subscribed.append(topic)
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
-        """Does nothing."""
+        """Notes the service."""
+        self.services.append(service)
 
 
 class OfflineWorker:

@@ -11,6 +11,7 @@ from mjplug.cli.config import app as config_app
 from mjplug.cli.doctor.command import doctor
 from mjplug.cli.examples import examples
 from mjplug.cli.interface import app as interface_app
+from mjplug.cli.keys import app as keys_app
 from mjplug.cli.model import app as model_app
 from mjplug.cli.output import complain, complain_of
 from mjplug.cli.plugin import app as plugin_app
@@ -49,7 +50,7 @@ app.command(
         "mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)",
     )
 )(serve)
-for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app):
+for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app):
     app.add_typer(group)
 app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
 app.command(

@@ -53,6 +53,14 @@ def serve(
         list[str] | None,
         typer.Option("--plugin", "-p", metavar="TYPE[:NAME]", help="Add a plugin with default parameters. Repeatable."),
     ] = None,
+    zenoh_config: Annotated[
+        str | None,
+        typer.Option(
+            "--zenoh-config",
+            metavar="FILE",
+            help="A Zenoh configuration file: certificates, roles, passwords and so on.",
+        ),
+    ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, e.g. sim.clock_rate=50. Repeatable."),
@@ -83,6 +91,7 @@ def serve(
     sets += [Option(f"--speed {speed}", f"sim.speed={speed}")] if speed is not None else []
     sets += [_endpoints("listen", listen)] if listen else []
     sets += [_endpoints("connect", connect)] if connect else []
+    sets += [_zenoh_config(zenoh_config)] if zenoh_config is not None else []
     with logging_to_stderr(-1 if quiet else verbose):
         _run(read(config, model=model, sets=sets), duration, check)
 
@@ -118,21 +127,25 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
         say(f"ok · {summary}")
         return
+    from mjplug.rehearsal import rehearse
     from mjplug.wire.encoding import Limits
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
+    from mjplug.wire.secured import secured
     from mjplug.wire.session import SessionSettings
     from mjplug.wire.topic_rates import TopicRates
     from mjplug.worker.workers import ProcessWorkers
 
     zenoh = settings.zenoh
     wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
+    name = f"{settings.namespace}/{settings.node_name}"
     ros2 = None
     if settings.ros2.enabled:
         ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro)
+    wanted = secured(wanted, lambda: rehearse(loaded, simulation.model, plugins, model.path, name, ros2))
     limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
-    network = open_network(wanted, f"{settings.namespace}/{settings.node_name}", limits, ros2=ros2)
+    network = open_network(wanted, name, limits, ros2=ros2)
     workers = ProcessWorkers(wanted, network.session.endpoints)
     try:
         server = Server(settings, simulation, network, plugins, workers, model.path)
@@ -165,6 +178,15 @@ def _endpoints(name: str, given: list[str]) -> "Option":
     from mjplug.config.load import Option
 
     return Option(" ".join(f"--{name} {endpoint}" for endpoint in given), f"zenoh.{name}={json.dumps(given)}")
+
+
+def _zenoh_config(file: str) -> "Option":
+    from pathlib import Path
+
+    from mjplug.config.load import Option
+
+    # Absolute, since a name in the configuration counts from the folder of its file.
+    return Option(f"--zenoh-config {file}", f"zenoh.config={json.dumps(str(Path(file).resolve()))}")
 
 
 def _plugins(wanted: list[str]) -> "list[str | Option]":

@@ -12,7 +12,8 @@ from mjplug.client.client import Client
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.listing import server_names
 from mjplug.client.patience import bounded
-from mjplug.wire import zenoh_file
+from mjplug.client.refusal import refuse_expired, why_refused
+from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a server listens unless it is told otherwise."""
@@ -40,7 +41,7 @@ def connect(
 
     Args:
         endpoint: Where a server or a Zenoh router listens; by default what the environment variable MJPLUG_CONNECT
-            says, else `tcp/127.0.0.1:7447`.
+            says, else the first endpoint in `config`, else `tcp/127.0.0.1:7447`.
         server: The full name of the server to talk to, such as `/robot1/mjplug`; needed only where several are, and
             only for names with `~`.
         timeout: How long to wait for a server [s]; 0 is one attempt.
@@ -50,14 +51,17 @@ def connect(
         The client; close it, or use it in a `with` statement.
 
     Raises:
-        NoServerError: Nobody is there.
+        NoServerError: Nobody is there, or nobody who lets us in.
         UnknownNameError: There are servers, but none of this name.
     """
     server = f"/{server.removeprefix('/')}" if server else ""
-    chosen = endpoint or os.environ.get(VARIABLE) or DEFAULT_ENDPOINT
     until = time.monotonic() + bounded(timeout)
-    settings = _settings(chosen, config)
-    session = _open(settings, chosen, until)
+    settings = _read(config)
+    chosen = endpoint or os.environ.get(VARIABLE) or _endpoint_in(settings) or DEFAULT_ENDPOINT
+    if config is not None:
+        refuse_expired(settings, Path(config))
+    _complete(settings, chosen)
+    session = _open(settings, chosen, until, None if config is None else Path(config))
     try:
         _wait_for_server(session, chosen, server, until)
         return Client(session, chosen, server)
@@ -67,13 +71,13 @@ def connect(
         raise
 
 
-def _open(settings: zenoh.Config, endpoint: str, until: float) -> zenoh.Session:
+def _open(settings: zenoh.Config, endpoint: str, until: float, file: Path | None) -> zenoh.Session:
     while True:
         try:
             return zenoh.open(settings)
         except zenoh.ZError as error:
             if time.monotonic() >= until:
-                raise NoServerError(_way_out(endpoint, error)) from None
+                raise NoServerError(why_refused(settings, file, endpoint) or _way_out(endpoint, error)) from None
         time.sleep(_RETRY)
 
 
@@ -93,11 +97,22 @@ def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, until: 
     )
 
 
-def _settings(endpoint: str, file: str | Path | None) -> zenoh.Config:
+def _read(file: str | Path | None) -> zenoh.Config:
     try:
-        config = zenoh_file.read(file)
+        return read_zenoh_file(file)
     except zenoh.ZError as error:
         raise ClientError(f"cannot use the Zenoh configuration file {file}: {_plain(error)}") from None
+
+
+def _endpoint_in(config: zenoh.Config) -> str | None:
+    said = setting(config, "connect/endpoints")
+    if isinstance(said, dict):
+        # One list for each mode.
+        said = said.get("client")
+    return str(said[0]) if isinstance(said, list) and said and isinstance(said[0], str) else None
+
+
+def _complete(config: zenoh.Config, endpoint: str) -> None:
     try:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     except zenoh.ZError:
@@ -111,7 +126,6 @@ def _settings(endpoint: str, file: str | Path | None) -> zenoh.Config:
         ("transport/unicast/open_timeout", _HANDSHAKE_MS),
     ):
         config.insert_json5(key, json.dumps(value))
-    return config
 
 
 def _way_out(endpoint: str, error: zenoh.ZError) -> str:

@@ -75,7 +75,10 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
     except queue.Empty:
         raise TimedOutError(f"no answer from {service.name} within {timeout:g} s") from None
     if reply is None:
-        raise TimedOutError(f"{service.name} did not answer; its server {service.server} may have stopped")
+        raise TimedOutError(
+            f"{service.name} did not answer; its server {service.server} may have stopped, "
+            "or does not let this client call it"
+        )
     if reply.ok is None:
         assert reply.err is not None
         raise RequestRefused(service.name, reply.err.payload.to_string())

@@ -2,11 +2,13 @@
 
 import logging
 import time
+from dataclasses import replace
 
 import zenoh
 
 from mjplug.errors import WireError
 from mjplug.wire.endpoints import dialable, on_free_port
+from mjplug.wire.handshake import ENCRYPTED
 from mjplug.wire.router_watch import RouterWatch
 from mjplug.wire.session_plan import Mode, Plan, Role, SessionSettings, TakenError, UnreachableError
 
@@ -87,6 +89,8 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
     try:
         return _open(plan, "router", listen, plan.connect)
     except TakenError as taken:
+        if settings.access_control is not None:
+            raise WireError(taken.with_roles()) from None
         with plan.visit(taken.endpoint) as visitor:
             if visitor is None:
                 raise WireError(taken.way_out()) from None
@@ -127,6 +131,10 @@ def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session
         WireError: None of them lets us in.
     """
     connect = tuple(dialable(endpoint) for endpoint in endpoints)
+    if settings.worker_config is not None:
+        # Only over these can a worker show its certificate.
+        connect = tuple(endpoint for endpoint in connect if endpoint.startswith(ENCRYPTED)) or connect
+        settings = replace(settings, config=settings.worker_config)
     return Plan(settings, "").join(connect)
 
 

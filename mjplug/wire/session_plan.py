@@ -3,7 +3,7 @@
 import json
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +12,10 @@ from typing import Any, Literal
 import zenoh
 
 from mjplug.errors import WireError
-from mjplug.wire import exposure, identity, linger, queues, zenoh_file
+from mjplug.wire import exposure, identity, linger, queues
 from mjplug.wire.endpoints import dialable, has_free_port, on_free_port, with_free_port
+from mjplug.wire.handshake import why_worker_is_refused
+from mjplug.wire.zenoh_file import read_zenoh_file
 
 Mode = Literal["auto", "router", "peer", "client"]
 Role = Literal["router", "peer", "client"]
@@ -44,12 +46,16 @@ class SessionSettings:
         connect: Endpoints to connect to, retried for ever, except with mode `client`; a client connects to the first
             that answers. Empty leaves it to the file.
         config: A Zenoh configuration file (JSON5, JSON or YAML): TLS, credentials, access control and so on.
+        worker_config: The one that worker processes use; None is `config`.
+        access_control: The value of Zenoh's setting of that name, in place of the file's; None leaves it to the file.
     """
 
     mode: Mode = "auto"
     listen: tuple[str, ...] | None = None
     connect: tuple[str, ...] = ()
     config: Path | None = None
+    worker_config: Path | None = None
+    access_control: Mapping[str, Any] | None = None
 
 
 _log = logging.getLogger(__name__)
@@ -67,6 +73,14 @@ class TakenError(WireError):
         super().__init__(
             f"{endpoint} is taken by another program; choose another endpoint with --listen, "
             f"or join what is there with mode auto"
+        )
+
+    def with_roles(self) -> str:
+        """The sentence for a server with roles, which would have to leave them to the other one."""
+        return (
+            f"{self.endpoint} is taken, and a server that gives roles to its clients does not join another one, whose "
+            f"rules do not know its topics; choose another endpoint with --listen, such as --listen "
+            f"{on_free_port(self.endpoint)}"
         )
 
     def way_out(self) -> str:
@@ -120,7 +134,7 @@ class Plan:
                     identity.refuse_duplicate(visitor, self._name)
         for _ in range(_RACES):
             listening = tuple(with_free_port(endpoint) for endpoint in listen)
-            config = self._config(role, listening, connect)
+            config = self._with_access(self._config(role, listening, connect))
             try:
                 session = self._session(config)
             except zenoh.ZError as error:
@@ -162,7 +176,8 @@ class Plan:
         try:
             return self._session(config)
         except zenoh.ZError as error:
-            raise WireError(_trouble((), connect, error)) from error
+            hint = why_worker_is_refused(config, self._settings.config, connect)
+            raise WireError(f"{_trouble((), connect, error)}{hint}") from error
 
     @contextmanager
     def visit(self, endpoint: str) -> Iterator[zenoh.Session | None]:
@@ -201,10 +216,15 @@ class Plan:
         queues.tune(config, drop_wait)
         return config
 
+    def _with_access(self, config: zenoh.Config) -> zenoh.Config:
+        if self._settings.access_control is not None:
+            _set(config, "access_control", self._settings.access_control)
+        return config
+
     def _base(self) -> zenoh.Config:
         path = self._settings.config
         try:
-            return zenoh_file.read(path)
+            return read_zenoh_file(path)
         except zenoh.ZError as error:
             raise WireError(f"cannot use the Zenoh configuration file {path}: {_plain(error)}") from error
 

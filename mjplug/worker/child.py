@@ -119,10 +119,13 @@ def _open(line: _Line, setup: Setup, logger: logging.Logger) -> "Performer | Non
             performer.close()
         if isinstance(error, UnavailableError):
             line.send(Failed(str(error), hopeless=True))
+        elif isinstance(error, WireError):
+            # The network may let it in another time.
+            line.send(Failed(str(error)))
         else:
             logger.exception("the work could not be opened")
-            # The network may let it in another time; what the work raises now, it raises again.
-            line.send(Failed(f"it could not be opened: {error!r}", hopeless=not isinstance(error, WireError)))
+            # What the work raises now, it raises again.
+            line.send(Failed(f"it could not be opened: {error!r}", hopeless=True))
         return None
     gc.collect()
     gc.freeze()

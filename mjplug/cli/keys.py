@@ -1,0 +1,106 @@
+"""`mjplug keys`: certificates and roles for servers and clients."""
+
+import socket
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mjplug.cli.examples import examples
+from mjplug.cli.output import complain, say, say_json, say_table
+from mjplug.errors import MjplugError
+
+if TYPE_CHECKING:
+    from mjplug.security.folder import KeyFolder
+
+app = typer.Typer(name="keys", help="Certificates and roles for servers and clients.", no_args_is_help=True)
+
+_Out = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="The folder with the authority.")]
+_Days = Annotated[float, typer.Option(min=0.001, metavar="DAYS", help="How long the certificate is valid.")]
+_Hosts = Annotated[
+    list[str] | None,
+    typer.Option("--host", metavar="NAME", help="A name or address by which clients call the server. Repeatable."),
+]
+_KEYS = Path("keys")
+
+RESTART = "A running server keeps the roles that it was started with: restart it."
+
+
+@app.command(
+    epilog=examples("mjplug keys init", "mjplug keys init --host sim.lab.example --host 192.168.1.5 --out lab_keys")
+)
+def init(
+    host: _Hosts = None,
+    out: _Out = _KEYS,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Where the server listens.")] = 7447,
+    days: _Days = 365.0,
+) -> None:
+    """Makes an authority, and a certificate for a server, an operator, a viewer and worker processes.
+
+    Prints the command that starts the server, and one that connects to it.
+    """
+    folder = _folders().create(out, tuple(host or [socket.gethostname()]), port, days)
+    server, operator = (folder.file(folder.identities[name]) for name in ("server", "operator"))
+    say(f"mjplug serve bundled:box --zenoh-config {server}")
+    say(f"mjplug topic list --zenoh-config {operator}")
+
+
+@app.command(
+    epilog=examples("mjplug keys add alice --role viewer", "mjplug keys add sim2 --role server --host sim2.lab.example")
+)
+def add(
+    name: Annotated[str, typer.Argument(help="The name in the certificate.")],
+    role: Annotated[str, typer.Option(help="operator, viewer, worker or server.")],
+    host: _Hosts = None,
+    out: _Out = _KEYS,
+    days: _Days = 365.0,
+) -> None:
+    """Issues one more certificate."""
+    from mjplug.security.roles import ROLES
+
+    wanted = next((known for known in ROLES if known == role), None)
+    if wanted is None:
+        raise typer.BadParameter(f"{role!r} is unknown; roles are {', '.join(ROLES)}", param_hint="--role")
+    say(f"{_folders()(out).add(name, wanted, host or (), days)}")
+    complain(RESTART)
+
+
+@app.command(epilog=examples("mjplug keys renew server", "mjplug keys renew alice --days 30"))
+def renew(name: str, out: _Out = _KEYS, days: _Days = 365.0) -> None:
+    """Issues a new certificate in place of one that expires or was lost; the role stays."""
+    say(f"{_folders()(out).renew(name, days)}")
+    complain(RESTART)
+
+
+@app.command(epilog=examples("mjplug keys revoke alice"))
+def revoke(name: str, out: _Out = _KEYS) -> None:
+    """Makes the certificate of a client worthless: servers refuse it from their next start on."""
+    _folders()(out).revoke(name)
+    say(f"{name} is revoked")
+    complain(f"{RESTART} Until then {name} is let in. Servers on other machines need trust.pem and roles.json anew.")
+
+
+@app.command(epilog=examples("mjplug keys show", "mjplug keys show --json"))
+def show(out: _Out = _KEYS, json: Annotated[bool, typer.Option("--json", help="Show it as JSON.")] = False) -> None:
+    """Shows who has a certificate: names, roles, when they expire, which are revoked."""
+    from mjplug.security.expiry import day
+
+    folder = _folders()(out)
+    if json:
+        rows = [(one.name, one.role, one.expires, one.state) for one in folder.identities.values()]
+        say_json([dict(zip(("name", "role", "expires", "state"), row, strict=True)) for row in rows])
+        return
+    table = [(one.name, one.role, day(one.until), one.state) for one in folder.identities.values()]
+    say_table([("NAME", "ROLE", "EXPIRES", "STATE"), *table])
+
+
+def _folders() -> "type[KeyFolder]":
+    try:
+        from mjplug.security.folder import KeyFolder
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "cryptography":
+            raise
+        raise MjplugError(
+            "the library `cryptography` is missing, which makes certificates: pip install 'mjplug[security]'"
+        ) from None
+    return KeyFolder

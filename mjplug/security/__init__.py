@@ -1,0 +1,1 @@
+"""Certificates, the folder that holds them, and the roles of those who have one."""

@@ -1,0 +1,39 @@
+"""Who may do what: the role of each client, by the name in its certificate or by its user name."""
+
+from collections.abc import Mapping
+from typing import Any, Final, Literal, get_args
+
+from mjplug.errors import MjplugError
+
+Role = Literal["operator", "viewer", "worker", "server"]
+
+ROLES: Final[tuple[Role, ...]] = get_args(Role)
+
+MEANING: Final[Mapping[Role, str]] = {
+    "operator": "reads every topic, calls every service, publishes to the topics that the server subscribes to",
+    "viewer": "reads every topic and parameter; may not publish, and calls only services that change nothing",
+    "worker": "a worker process of a server: publishes what the server's plugins publish",
+    "server": "a server: everything",
+}
+
+
+class KeysError(MjplugError):
+    """Something is wrong with certificates, roles or the folder that holds them; the sentence says what to do."""
+
+
+def read_roles(given: Any, source: str) -> dict[str, Role]:
+    """Checks a mapping of names to roles, as a file has it.
+
+    Args:
+        given: The value that was read.
+        source: The file, for the error.
+
+    Raises:
+        KeysError: It is no such mapping.
+    """
+    if not isinstance(given, dict) or not given:
+        raise KeysError(f'{source}: roles must be a mapping of names to roles, such as {{"alice": "viewer"}}')
+    for name, role in given.items():
+        if role not in ROLES:
+            raise KeysError(f"{source}: {name!r} has the unknown role {role!r}; roles are {', '.join(ROLES)}")
+    return given

@@ -1,0 +1,73 @@
+"""The Zenoh configuration files of those who have certificates."""
+
+import json
+from base64 import b64encode
+from typing import Any
+
+from mjplug.security.certificates import Pair
+
+
+def server(name: str, listen: str) -> str:
+    """Returns the file of a server, whose certificates and roles are in files beside it.
+
+    Args:
+        name: The server's name, and that of its certificate's files.
+        listen: The endpoint it listens on.
+    """
+    pair = {"certificate": f"{name}.pem", "private_key": f"{name}.key"}
+    tls = {
+        "root_ca_certificate": "trust.pem",
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+        **{f"{way}_{part}": file for way in ("listen", "connect") for part, file in pair.items()},
+    }
+    return _text(
+        [
+            f"For `mjplug serve CONFIG --zenoh-config {name}.json5`.",
+            "File names count from the folder of this file; other Zenoh programs count them from their working folder.",
+        ],
+        {
+            "listen": {"endpoints": [listen]},
+            "scouting": {"multicast": {"enabled": False}},
+            "transport": {"link": {"tls": tls}},
+            "metadata": {"mjplug": {"roles": "roles.json", "worker": "worker.json5"}},
+        },
+    )
+
+
+def client(name: str, authority: str, pair: Pair, endpoint: str) -> str:
+    """Returns the file of a client, with its certificate and key in it: any Zenoh program can use it anywhere.
+
+    Args:
+        name: The client's name.
+        authority: The certificate of the authority that signs servers.
+        pair: The client's certificate and key.
+        endpoint: Where to connect; empty leaves it out.
+    """
+    tls = {
+        "root_ca_certificate_base64": _base64(authority),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+        "connect_certificate_base64": _base64(pair.certificate),
+        "connect_private_key_base64": _base64(pair.key),
+    }
+    return _text(
+        [f"The certificate and the private key of {name}: who has this file is {name}. Keep it to yourself."],
+        {
+            "mode": "client",
+            **({"connect": {"endpoints": [endpoint]}} if endpoint else {}),
+            "scouting": {"multicast": {"enabled": False}},
+            "timestamping": {"enabled": True},
+            "transport": {"link": {"tls": tls}},
+        },
+    )
+
+
+def _base64(text: str) -> str:
+    return b64encode(text.encode()).decode()
+
+
+def _text(comments: list[str], value: dict[str, Any]) -> str:
+    return "".join(f"// {line}\n" for line in comments) + json.dumps(value, indent=2)
