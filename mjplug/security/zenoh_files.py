@@ -25,7 +25,7 @@ def server(name: str, listen: str) -> str:
     return _text(
         [
             f"For `mjplug serve CONFIG --zenoh-config {name}.json5`.",
-            "File names count from the folder of this file; other Zenoh programs count them from their working folder.",
+            "File names count from the folder of this file; for other Zenoh programs, from where they are started.",
         ],
         {
             "listen": {"endpoints": [listen]},

@@ -63,8 +63,8 @@ def why_worker_is_refused(config: zenoh.Config, file: Path | None, endpoints: Se
         setting(config, f"{_TLS}/root_ca_certificate") is None and embedded(file, "root_ca_certificate_base64") is None
     ):
         return (
-            "; worker processes do not trust the server's certificate: add transport.link.tls.root_ca_certificate, "
-            f"the certificate of its authority, to {file}"
+            f"; worker processes do not trust the server's certificate: add the certificate of its "
+            f"authority to {file}, as transport.link.tls.root_ca_certificate"
         )
     reason = why_refused(config, file, encrypted[0])
     return f"; {reason}" if reason is not None else ""

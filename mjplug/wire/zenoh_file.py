@@ -1,6 +1,6 @@
 """Zenoh configuration files as mjplug reads them.
 
-File names in them count from the file, shared memory is off unless the file sets it, and mjplug has settings of its own.
+File names count from the file, shared memory is off unless the file sets it, and mjplug has settings of its own.
 """
 
 import json

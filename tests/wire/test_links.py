@@ -140,17 +140,17 @@ def test_only_the_socket_of_the_link_is_touched():
 def test_shared_memory_is_off_unless_the_file_says_otherwise(tmp_path, text, enabled):
     file = tmp_path / "zenoh.json5"
     file.write_text(text)
-    assert json.loads(zenoh_file.read(file).get_json(zenoh_file.SHARED_MEMORY)) is enabled
+    assert json.loads(zenoh_file.read_zenoh_file(file).get_json(zenoh_file.SHARED_MEMORY)) is enabled
     assert json.loads(zenoh.Config.from_file(file).get_json(zenoh_file.SHARED_MEMORY)) is ("false" not in text)
-    assert json.loads(zenoh_file.read(None).get_json(zenoh_file.SHARED_MEMORY)) is False
+    assert json.loads(zenoh_file.read_zenoh_file(None).get_json(zenoh_file.SHARED_MEMORY)) is False
 
 
 def test_shared_memory_in_a_yaml_file_counts_too(tmp_path):
     file = tmp_path / "zenoh.yaml"
     file.write_text("mode: router\n# shared_memory: off by default\n")
-    assert json.loads(zenoh_file.read(file).get_json(zenoh_file.SHARED_MEMORY)) is False
+    assert json.loads(zenoh_file.read_zenoh_file(file).get_json(zenoh_file.SHARED_MEMORY)) is False
     file.write_text("transport:\n  shared_memory:\n    enabled: true\n")
-    assert json.loads(zenoh_file.read(file).get_json(zenoh_file.SHARED_MEMORY)) is True
+    assert json.loads(zenoh_file.read_zenoh_file(file).get_json(zenoh_file.SHARED_MEMORY)) is True
 
 
 def config(**settings):
