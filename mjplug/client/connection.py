@@ -57,7 +57,7 @@ def connect(
     server = f"/{server.removeprefix('/')}" if server else ""
     until = time.monotonic() + bounded(timeout)
     settings = _read(config)
-    chosen = endpoint or os.environ.get(VARIABLE) or _endpoint_in(settings) or DEFAULT_ENDPOINT
+    chosen = _choose(endpoint, settings)
     if config is not None:
         refuse_expired(settings, Path(config))
     _complete(settings, chosen)
@@ -69,6 +69,19 @@ def connect(
         # An open session would keep the process from ending.
         session.close()  # type: ignore[no-untyped-call]
         raise
+
+
+def endpoint_for(endpoint: str | None, config: str | Path | None = None) -> str:
+    """Returns where `connect` would connect to with these arguments.
+
+    Raises:
+        ClientError: The file cannot be used.
+    """
+    return _choose(endpoint, _read(config))
+
+
+def _choose(endpoint: str | None, settings: zenoh.Config) -> str:
+    return endpoint or os.environ.get(VARIABLE) or _endpoint_in(settings) or DEFAULT_ENDPOINT
 
 
 def _open(settings: zenoh.Config, endpoint: str, until: float, file: Path | None) -> zenoh.Session:

@@ -232,7 +232,7 @@ class KeyFolder:
         else:
             # A worker process is told where its server is.
             endpoint = "" if issued.role == "worker" else self.endpoint()
-            _write(file, zenoh_files.client(issued.name, self._authority.certificate, pair, endpoint))
+            _write(file, zenoh_files.client(issued.name, issued.role, self._authority.certificate, pair, endpoint))
         self._save()
         return file
 

@@ -36,11 +36,12 @@ def server(name: str, listen: str) -> str:
     )
 
 
-def client(name: str, authority: str, pair: Pair, endpoint: str) -> str:
+def client(name: str, role: str, authority: str, pair: Pair, endpoint: str) -> str:
     """Returns the file of a client, with its certificate and key in it: any Zenoh program can use it anywhere.
 
     Args:
         name: The client's name.
+        role: Its role, for people and for `mjplug doctor --security`.
         authority: The certificate of the authority that signs servers.
         pair: The client's certificate and key.
         endpoint: Where to connect; empty leaves it out.
@@ -61,6 +62,7 @@ def client(name: str, authority: str, pair: Pair, endpoint: str) -> str:
             "scouting": {"multicast": {"enabled": False}},
             "timestamping": {"enabled": True},
             "transport": {"link": {"tls": tls}},
+            "metadata": {"mjplug": {"role": role}},
         },
     )
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.engine import import_mujoco
-from mjplug.cli.output import say, say_json
+from mjplug.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
     from mjplug.cli.doctor.finding import Finding
@@ -23,12 +23,23 @@ def doctor(
             help="Where a server listens, or shall listen.  [default: tcp/127.0.0.1:7447]",
         ),
     ] = None,
+    security: Annotated[
+        bool, typer.Option("--security", help="Try what a running server lets whom do, and nothing else.")
+    ] = False,
+    zenoh_config: Annotated[
+        str | None,
+        typer.Option("--zenoh-config", metavar="FILE", help="Who to be with --security, besides nobody."),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Show what was found as JSON.")] = False,
 ) -> None:
     """Looks at packages, plugins, graphics, network and scheduling.
 
-    It says how to fix what is wrong, and ends with exit code 1 if something does not work.
+    It says how to fix what is wrong, and ends with exit code 1 if something does not work. With --security, it ends
+    with exit code 1 if a server lets somebody do what he should not.
     """
+    if security:
+        _security(connect, zenoh_config, json)
+        return
     import_mujoco()
     from dataclasses import asdict
 
@@ -50,6 +61,26 @@ def doctor(
     else:
         say(f"{_count(errors, 'error')}, {_count(warnings, 'warning')}")
     if errors:
+        raise typer.Exit(1)
+
+
+def _security(endpoint: str | None, file: str | None, json: bool) -> None:
+    from dataclasses import asdict
+    from pathlib import Path
+
+    from mjplug.cli.doctor.security import check_security
+    from mjplug.client.connection import endpoint_for
+
+    path = None if file is None else Path(file)
+    doors = list(check_security(endpoint_for(endpoint, path), path))
+    faults = sum(door.fault for door in doors)
+    if json:
+        say_json({"faults": faults, "doors": [asdict(door) for door in doors]})
+    else:
+        rows = [(d.who, d.door, d.state, "SHOULD BE CLOSED" if d.fault else d.note) for d in doors]
+        say_table([("WHO", "DOOR", "STATE", ""), *rows])
+        say(f"{_count(faults, 'door')} open that should be closed")
+    if faults:
         raise typer.Exit(1)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from mjplug.cli.doctor.finding import Finding
 
 _TOPIC = "network"
-_ADDRESS = re.compile(r"tcp/(?P<host>\[[^\]]*\]|[^:]+):(?P<port>\d+)")
+_ADDRESS = re.compile(r"(?:tcp|tls)/(?P<host>\[[^\]]*\]|[^:]+):(?P<port>\d+)")
 _PATIENCE = 1.0
 """How long to wait for a connection [s]."""
 
@@ -20,7 +20,7 @@ def check_network(endpoint: str) -> Iterator[Finding]:
     """
     from mjplug.client import ClientError, NoServerError, connect
 
-    if not _anybody(endpoint):
+    if not listens(endpoint):
         yield Finding(_TOPIC, "ok", f"{endpoint} is free: a server can listen there")
         return
     try:
@@ -57,10 +57,10 @@ def _another_version(name: str, there: str) -> Iterator[Finding]:
         )
 
 
-def _anybody(endpoint: str) -> bool:
+def listens(endpoint: str) -> bool:
+    """Whether a program accepts connections at an endpoint; true of those where only Zenoh itself can tell."""
     address = _ADDRESS.match(endpoint)
     if address is None:
-        # Of other protocols, only Zenoh itself can tell.
         return True
     try:
         with socket.create_connection((address["host"].strip("[]"), int(address["port"])), _PATIENCE):
