@@ -111,7 +111,7 @@ class Served:
         )
         self.out, self.err = Lines(self.process.stdout), Lines(self.process.stderr)
         try:
-            ready = self.out.wait_for(r"ready.*?(tcp/\S+:\d+)", STARTING)
+            ready = self.out.wait_for(r"ready.*?((?:tcp|tls)/\S+:\d+)", STARTING)
         except BaseException:
             self.kill()
             raise

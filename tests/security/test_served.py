@@ -1,0 +1,126 @@
+"""`mjplug serve` with certificates: its worker processes, and what it says when something is wrong with them."""
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+from cli.process import Served, run
+from security.conftest import PATIENCE, Client
+
+from mjplug.security.certificates import make_authority, make_server
+from mjplug.security.folder import KeyFolder
+
+WORLD = Path(__file__).parent.parent / "worker" / "world"
+LISTEN = ("--listen", "tls/127.0.0.1:0")
+NO_GL = {"MUJOCO_GL": "disable"}
+
+
+@pytest.fixture
+def serve():
+    servers = []
+
+    def serve(*arguments):
+        words = ("scene.xml", "--plugin", "teller:Teller:teller", *arguments)
+        servers.append(Served(*words, cwd=WORLD, env=NO_GL, listen=LISTEN))
+        return servers[-1]
+
+    yield serve
+    for server in servers:
+        server.kill()
+
+
+@pytest.fixture
+def by_hand(tmp_path):
+    """Makes what the page on security makes with openssl, and returns the server's and a client's file."""
+    from datetime import UTC, datetime, timedelta
+
+    authority = make_authority("our own authority")
+    pair = make_server("simulator", authority, ["127.0.0.1"], datetime.now(UTC) + timedelta(days=1))
+    for name, text in (("ca.pem", authority.certificate), ("server.pem", pair.certificate), ("server.key", pair.key)):
+        (tmp_path / name).write_text(text)
+
+    def make(**more):
+        tls = {"listen_certificate": "server.pem", "listen_private_key": "server.key", **more}
+        for name, settings in (("server.json5", tls), ("client.json5", {"root_ca_certificate": "ca.pem"})):
+            told = {"transport": {"link": {"tls": settings}}}
+            (tmp_path / name).write_text(json.dumps(told | ({"mode": "client"} if name == "client.json5" else {})))
+        return tmp_path / "server.json5", tmp_path / "client.json5"
+
+    return make
+
+
+def hear(opened, file, server):
+    client = opened(Client(file, server.endpoint))
+    told = json.loads(bytes(client.listen("teller/positions/@json").get(timeout=PATIENCE).payload))
+    assert len(told["position"]) > 0
+    assert "Traceback" not in server.err.text
+
+
+def test_what_a_worker_publishes_arrives_over_tls_made_by_hand_from_any_folder(serve, by_hand, opened):
+    server_file, client_file = by_hand(root_ca_certificate="ca.pem")
+    assert Path.cwd() != server_file.parent != WORLD
+    hear(opened, client_file, serve("--zenoh-config", str(server_file)))
+
+
+def test_what_a_worker_publishes_arrives_with_the_certificates_of_keys_init(serve, keys, opened):
+    server = serve("--zenoh-config", os.path.relpath(keys.path / "server" / "server.json5", WORLD))
+    hear(opened, keys.path / "viewer.json5", server)
+
+
+def test_a_worker_that_does_not_trust_the_server_says_what_to_add_in_one_line(serve, by_hand):
+    server_file, _ = by_hand()
+    server = serve("--zenoh-config", str(server_file))
+    warning = server.err.wait_for(r"warning: .* has no root_ca_certificate: worker processes", PATIENCE)
+    assert "add transport.link.tls.root_ca_certificate" in warning.string
+    line = server.err.wait_for(r"error: the worker process: (.*)", PATIENCE)[1]
+    assert re.search(
+        r"do not trust the server's certificate: add the certificate of its authority to .*server.json5", line
+    )
+    assert "Traceback" not in server.err.text
+    assert server.stop() == 0
+
+
+def test_a_server_whose_certificate_has_expired_does_not_start(tmp_path):
+    keys = KeyFolder.create(tmp_path / "keys", ["localhost"])
+    keys.renew("server", days=-1.0)
+    ended = run("serve", "bundled:box", "--zenoh-config", "keys/server/server.json5", *LISTEN, cwd=tmp_path)
+    assert ended.returncode == 5
+    assert re.fullmatch(
+        r"error: the certificate of this server \(in \S*server.json5\) expired on 20.. UTC; .* mjplug keys renew server\n".replace(
+            "20..", r"20\d\d-\d\d-\d\d \d\d:\d\d"
+        ),
+        ended.stderr.splitlines(keepends=True)[-1],
+    )
+
+
+def test_a_server_with_roles_does_not_join_another_one(serve, keys):
+    file = str(keys.path / "server" / "server.json5")
+    first = serve("--zenoh-config", file)
+    second = run(
+        "serve", "scene.xml", "--zenoh-config", file, "--set", "node_name=second", "-l", first.endpoint, cwd=WORLD
+    )
+    assert second.returncode == 5
+    assert "whose rules do not know its topics; choose another endpoint with --listen" in second.stderr
+
+
+@pytest.mark.parametrize(
+    ("told", "sentence"),
+    [
+        ('{metadata: {mjplug: {roles: {alice: "king"}}}}', "'alice' has the unknown role 'king'; roles are operator, viewer"),
+        ('{metadata: {mjplug: {roles: {}}}}', "roles must be a mapping of names to roles"),
+        ('{metadata: {mjplug: {roles: {alice: "viewer"}}}}', "has roles, but no way to know who a client is"),
+        ('{metadata: {mjplug: {roles: "none.json"}}}', r"the roles in \S*none.json .* cannot be read"),
+        ('{metadata: {mjplug: {worker: 3}}}', "names files by text, not by 3"),
+        (
+            '{metadata: {mjplug: {roles: {alice: "viewer"}}}, access_control: {enabled: true}}',
+            "has both access_control and roles",
+        ),
+    ],
+)  # fmt: skip
+def test_wrong_roles_are_refused_at_the_start(tmp_path, told, sentence):
+    (tmp_path / "zenoh.json5").write_text(told)
+    ended = run("serve", "bundled:box", "--zenoh-config", "zenoh.json5", cwd=tmp_path)
+    assert ended.returncode == 5
+    assert re.search(sentence, ended.stderr)
