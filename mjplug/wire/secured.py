@@ -59,7 +59,7 @@ def _check_certificate(config: zenoh.Config, path: Path) -> None:
     until = None if pem is None else expiry_of(pem)
     if until is None:
         return
-    renew = f"make a new one, for instance: mjplug keys renew {path.stem}"
+    renew = f"make a new one (mjplug keys renew {path.stem}, if `mjplug keys` made it)"
     now = datetime.now(UTC)
     if until <= now:
         raise WireError(f"the certificate of this server (in {path}) expired on {day(until)}; {renew}")

@@ -228,7 +228,8 @@ def test_neither_a_viewer_nor_an_operator_answers_in_place_of_the_server(enter, 
 @pytest.mark.parametrize("name", ["viewer", "operator"])
 @pytest.mark.parametrize(
     "token",
-    ["@mjplug/mjplug/abc", "@mjplug/other/abc", "@ros2_lv/0/abc/0/0/NN/%/%/mjplug", "@ros2_lv/0/abc/0/1/SS/%/%/mjplug/%arm%set/t/h/q"],
+    ["@mjplug/mjplug/abc", "@mjplug/other/abc", "@ros2_lv/0/abc/0/0/NN/%/%/mjplug",
+     "@ros2_lv/0/abc/0/1/SS/%/%/mjplug/%arm%set/t/h/q"],
 )  # fmt: skip
 def test_neither_a_viewer_nor_an_operator_appears_as_a_server(enter, name, token):
     client, other = enter(name), enter("operator")

@@ -54,8 +54,9 @@ def test_show_tells_who_has_a_certificate(tmp_path):
     shown = run("keys", "show", cwd=tmp_path).stdout
     date = r"20\d\d-\d\d-\d\d \d\d:\d\d UTC"
     for line in (
-        f"worker +worker +{date} +valid", f"server +server +{date} +valid", f"operator +operator +{date} +revoked {date}",
-        f"viewer +viewer +{date} +valid", f"eve +viewer +{date} +expired", f"alice +viewer +{date} +valid",
+        f"worker +worker +{date} +valid", f"server +server +{date} +valid",
+        f"operator +operator +{date} +revoked {date}", f"viewer +viewer +{date} +valid",
+        f"eve +viewer +{date} +expired", f"alice +viewer +{date} +valid",
     ):  # fmt: skip
         assert re.search(f"^{line}$", shown, re.MULTILINE), (line, shown)
     told = json.loads(run("keys", "show", "--json", cwd=tmp_path).stdout)

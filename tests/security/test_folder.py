@@ -137,7 +137,7 @@ def test_what_was_written_is_read_again(keys):
 @pytest.mark.parametrize(
     ("act", "sentence"),
     [
-        (lambda keys: keys.add("viewer", "operator"), "viewer has a certificate already .viewer, valid.*keys renew viewer"),
+        (lambda keys: keys.add("viewer", "operator"), "has a certificate already .viewer, valid.*keys renew viewer"),
         (lambda keys: keys.add("../x", "viewer"), "name '../x' is not allowed"),
         (lambda keys: keys.add("", "viewer"), "name '' is not allowed"),
         (lambda keys: keys.add("x" * 32, "viewer"), "1 to 31 letters"),
@@ -158,7 +158,7 @@ def test_a_wrong_wish_is_refused_with_a_sentence_and_changes_nothing(keys, act, 
 
 
 def test_a_folder_without_an_authority_says_how_to_make_one(tmp_path):
-    with pytest.raises(KeysError, match="has no authority .keys.json is missing.*mjplug keys init --out"):
+    with pytest.raises(KeysError, match=r"has no authority .keys.json is missing.*mjplug keys init --out"):
         KeyFolder(tmp_path)
 
 

@@ -29,7 +29,7 @@ EYE = '<camera name="eye" pos="0 0 2" resolution="64 48"/>'
 CONFIG = """
 model: scene.xml
 plugins:
-  cameras: {type: camera, camera_publish_rate: 10.0}
+  cameras: {type: camera, camera_publish_rate: 10.0, sync: true}
   joint_commands: {type: joint_commands}
   push: {type: external_wrench}
 """
