@@ -21,6 +21,7 @@ _Hosts = Annotated[
     list[str] | None,
     typer.Option("--host", metavar="NAME", help="A name or address by which clients call the server. Repeatable."),
 ]
+_Known = Annotated[str, typer.Argument(metavar="NAME", help="The name in the certificate.")]
 _KEYS = Path("keys")
 
 RESTART = "A running server keeps the roles that it was started with: restart it."
@@ -49,7 +50,7 @@ def init(
     epilog=examples("mjplug keys add alice --role viewer", "mjplug keys add sim2 --role server --host sim2.lab.example")
 )
 def add(
-    name: Annotated[str, typer.Argument(help="The name in the certificate.")],
+    name: _Known,
     role: Annotated[str, typer.Option(help="operator, viewer, worker or server.")],
     host: _Hosts = None,
     out: _Out = _KEYS,
@@ -66,14 +67,14 @@ def add(
 
 
 @app.command(epilog=examples("mjplug keys renew server", "mjplug keys renew alice --days 30"))
-def renew(name: str, out: _Out = _KEYS, days: _Days = 365.0) -> None:
+def renew(name: _Known, out: _Out = _KEYS, days: _Days = 365.0) -> None:
     """Issues a new certificate in place of one that expires or was lost; the role stays."""
     say(f"{_folders()(out).renew(name, days)}")
     complain(RESTART)
 
 
 @app.command(epilog=examples("mjplug keys revoke alice"))
-def revoke(name: str, out: _Out = _KEYS) -> None:
+def revoke(name: _Known, out: _Out = _KEYS) -> None:
     """Makes the certificate of a client worthless: servers refuse it from their next start on."""
     _folders()(out).revoke(name)
     say(f"{name} is revoked")
