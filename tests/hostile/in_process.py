@@ -1,0 +1,279 @@
+"""Bytes into a whole server without a socket: decoders, handlers, plugins and physics, one input after another.
+
+`python -m hostile.in_process --count 100000 --seed 1` repeats the same inputs every time; `--first I --count 1` sends
+one of them again.
+"""
+
+import logging
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import zenoh
+
+from cli.client import wrench, wrenches
+from hostile.attack import Tally, arguments
+from hostile.inputs import Inputs, Interface, encoding_of
+from hostile.observed import resident
+from mjplug.config.load import read
+from mjplug.core import process
+from mjplug.core.model_file import load_model
+from mjplug.core.simulation import Simulation
+from mjplug.offline import OfflineWorkers
+from mjplug.plugin.selection import select
+from mjplug.server import Server
+from mjplug.transport import ServiceName
+from mjplug.wire.calls import OpenCalls
+from mjplug.wire.encoding import Received
+from mjplug.wire.rmw_zenoh.descriptions import TypeDescriptions
+from mjplug.wire.service import ServiceServer
+from mjplug.wire.subscription import Subscription
+from mjplug_schemas.registry import find
+from mjplug_schemas.type_description_interfaces import GetTypeDescription
+
+WORLD = Path(__file__).parent / "world" / "config.yaml"
+SLICE = 250
+"""After so many inputs, the world is reset, and all requests must have their answers."""
+
+MOST_CPU = 5.0
+"""One input that takes more processor time than this is a finding [s]; a limit for hangs, not for speed."""
+
+MOST_GROWTH = 200 << 20
+"""How much the process may grow after the first tenth of the inputs [bytes]."""
+
+
+class ByteTransport:
+    """Implements `mjplug.transport.Transport` with the server's own decoders, and bytes from the attacker."""
+
+    def __init__(self):
+        self.open_calls = OpenCalls()
+        self.doors, self.inlets, self.interfaces = {}, {}, []
+        self.published = 0
+
+    def open_publisher(self, topic, on_matched=None):
+        self.interfaces.append(Interface("published", topic.name[1:], topic.name[1:], topic.type.TYPE, topic.type))
+        return EncodingPublisher(self)
+
+    def open_subscription(self, topic, deliver):
+        self.interfaces.append(Interface("subscribed", topic.name[1:], topic.name[1:], topic.type.TYPE, topic.type))
+        self.inlets.setdefault(topic.name[1:], []).append(Subscription(topic, deliver))
+
+    def open_service(self, service, deliver):
+        key = service.name[1:]
+        self.interfaces.append(Interface("service", key, key, service.type.TYPE, service.type.Request))
+        self.doors[key] = ServiceServer(service, deliver, self.open_calls)
+
+
+class EncodingPublisher:
+    """Encodes what is published in both forms, for nobody."""
+
+    matched = True
+
+    def __init__(self, transport):
+        self._transport = transport
+
+    def publish(self, message):
+        message.to_cdr()
+        message.to_json()
+        self._transport.published += 1
+
+    def publish_frame(self, frame):
+        frame.payload()
+        self._transport.published += 1
+
+
+class LocalInquiry:
+    """One request; implements `mjplug.wire.dialect.Inquiry`."""
+
+    def __init__(self, given, needs_response):
+        payload = None if given.payload is None else zenoh.ZBytes(given.payload)
+        only = "cdr" if needs_response else None
+        self.received = Received(payload, None if needs_response else encoding_of(given.encoding), only)
+        self.parameters = dict(pair.partition("=")[::2] for pair in given.parameters.split(";") if pair)
+        self.needs_response = needs_response
+        self.given = given
+        self.answers = []
+
+    def reply(self, payload, form):
+        self.answers.append((payload, form))
+
+    def reply_error(self, sentence):
+        self.answers.append((sentence, None))
+
+
+class Tracebacks(logging.Handler):
+    """Keeps what was logged with a traceback."""
+
+    def __init__(self):
+        super().__init__(logging.WARNING)
+        self.found = []
+
+    def emit(self, record):
+        if record.exc_info:
+            self.found.append(logging.Formatter().format(record))
+
+
+class Target:
+    """A server on a `ByteTransport`."""
+
+    def __init__(self):
+        process.tame_mujoco()
+        loaded, plugins = select(read(WORLD, environ={}))
+        model = load_model(loaded.settings.model, *loaded.folders(("model",)))
+        self.simulation = Simulation(model.model, "")
+        self.transport = ByteTransport()
+        self.server = Server(loaded.settings, self.simulation, self.transport, plugins, OfflineWorkers(), model.path)
+        descriptions = TypeDescriptions({one.type_name: find(one.type_name) for one in self.transport.interfaces})
+        described = ServiceName("/mjplug/get_type_description", GetTypeDescription)
+        self.transport.open_service(described, lambda call: call.respond(descriptions.answer(call.request)))
+        self.loop = self.server.loop
+
+    def send(self, given):
+        """Takes an input to its decoder, and lets the loop do what it asks for; returns the inquiry, if it is one."""
+        if given.verb == "get":
+            inquiry = LocalInquiry(given, given.door == "ros2")
+            self.transport.doors[given.interface.key].receive(inquiry)
+        else:
+            inquiry = None
+            only = {"json": "json", "ros2": "cdr"}.get(given.door)
+            encoding = None if given.door == "ros2" else encoding_of(given.encoding)
+            for subscription in self.transport.inlets[given.interface.key]:
+                subscription.receive(Received(zenoh.ZBytes(given.payload), encoding, only))
+        self.loop.step(0)
+        return inquiry
+
+    def call(self, key, fields):
+        """Sends a right request and returns its response."""
+        service = find(next(one.type_name for one in self.transport.interfaces if one.key == key))
+        given = LocalInquiry(_Right(service.Request.model_validate(fields).to_cdr()), True)
+        self.transport.doors[key].receive(given)
+        self.loop.step(0)
+        self.settle()
+        return service.Response.from_cdr(given.answers[0][0]) if given.answers else None
+
+    def settle(self):
+        """Waits until the answers so far have been sent."""
+        done = threading.Event()
+        self.transport.open_calls.replies.post(done.set)
+        assert done.wait(30.0), "the thread that sends answers has ended"
+
+    def check(self):
+        """Ends all requests, and compares a push and a throw with what mechanics says; returns what is wrong."""
+        simulation, loop = self.simulation, self.loop
+        for key, fields in (("mjplug/set_pause", {"paused": True}), ("mjplug/reset_world", {})):
+            response = self.call(key, fields)
+            if response is None or not response.success:
+                return f"{key} answers {response!r}"
+        if not (np.isfinite(simulation.data.qpos).all() and np.isfinite(simulation.data.qvel).all()):
+            return "the state is not finite after a reset"
+        thrown = {"name": "link_a", "twist": {"twist": {"linear": {"x": 0.5}}}}
+        thrown["pose"] = {"pose": {"position": {"x": 7.0}}}
+        response = self.call("mjplug/set_free_joint_state", {"free_joints": [thrown]})
+        pushed = wrenches(wrench("link_b", force=(3.0, 0.0, 0.0), seconds=0.02))
+        pushing = LocalInquiry(_Right(find("mujoco_ros2_control_msgs/srv/ApplyExternalWrench").Request.model_validate(
+            pushed).to_cdr()), True)  # fmt: skip
+        self.transport.doors["external_wrench/apply_wrench"].receive(pushing)
+        loop.step(20)
+        self.settle()
+        x = float(simulation.data.joint(1).qpos[0])
+        v = float(simulation.data.joint(2).qvel[0])
+        if abs(x - (7.0 + 0.5 * 20 * 0.002)) > 1e-9:
+            return f"a body thrown with 0.5 m/s from x = 7 m is at {x} m after 40 ms"
+        # 3 N for 20 ms on 3 kg.
+        if abs(v - 0.02) > 1e-9:
+            return f"a body of 3 kg pushed with 3 N for 20 ms has {v} m/s"
+        return None if len(pushing.answers) == 1 else f"the push has {len(pushing.answers)} answers"
+
+
+class _Right:
+    """A right request in place of an input."""
+
+    encoding, parameters = None, ""
+
+    def __init__(self, payload):
+        self.payload = payload
+
+
+def attack(tally, first, count):
+    """Sends inputs until they or the time are at their end."""
+    target, tracebacks = Target(), Tracebacks()
+    logger = logging.getLogger("mjplug")
+    logger.addHandler(tracebacks)
+    logger.propagate = False
+    inputs = Inputs(target.transport.interfaces, tally.seed, ("plain", "json", "ros2"))
+    open_inquiries, grown_from, slowest = [], None, (0.0, None)
+    try:
+        for index in range(first, first + count):
+            given = inputs.make(index)
+            if given.verb == "delete":
+                continue
+            began = time.thread_time()
+            inquiry = target.send(given)
+            if index % 5 == 0 and not target.loop._stopping:
+                target.loop.step(2)
+            slowest = max(slowest, (time.thread_time() - began, index))
+            tally.inputs += 1
+            if inquiry is not None:
+                open_inquiries.append(inquiry)
+            if slowest[0] > MOST_CPU and slowest[1] == index:
+                tally.find(index, f"took {slowest[0]:.1f} s of processor time", given)
+            if tracebacks.found:
+                tally.find(index, tracebacks.found[0], given)
+                tracebacks.found.clear()
+            if target.loop._stopping:
+                tally.find(index, f"the server stops: {target.loop.failure}", given)
+                return
+            if (index + 1 - first) % SLICE == 0 or index == first + count - 1:
+                wrong = target.check()
+                if wrong:
+                    tally.find(f"{index - SLICE + 1}..{index}", wrong)
+                _judge(tally, open_inquiries)
+                open_inquiries = []
+                if grown_from is None and tally.inputs >= min(count / 10, 20_000):
+                    grown_from = resident()
+                if tally.over:
+                    break
+        growth = resident() - (grown_from or resident())
+        tally.counts["MiB grown"] = growth >> 20
+        if growth > MOST_GROWTH:
+            tally.find(f"{first}..{index}", f"memory grew by {growth >> 20} MiB")
+        print(f"slowest input: {slowest[1]}, {slowest[0] * 1e3:.0f} ms of processor time", flush=True)
+    finally:
+        logger.removeHandler(tracebacks)
+        logger.propagate = True
+        target.server.cleanup()
+        target.transport.open_calls.close("the attack is over")
+
+
+def _judge(tally, inquiries):
+    """Checks that each request has exactly one answer, of the right type."""
+    for inquiry in inquiries:
+        if len(inquiry.answers) != 1:
+            tally.count("unanswered", not inquiry.answers)
+            tally.find(inquiry.given.index, f"{len(inquiry.answers)} answers", inquiry.given)
+            continue
+        ((answer, form),) = inquiry.answers
+        if form is None:
+            sentence, refused = answer, True
+        else:
+            response_type = find(inquiry.given.interface.type_name).Response
+            response = response_type.from_cdr(answer) if form == "cdr" else response_type.from_json(answer)
+            refused = getattr(response, "success", True) is False
+            sentence = getattr(response, "message", "") if refused else "accepted"
+        tally.count("refused", refused)
+        if "internal error" in sentence or not sentence.strip() or len(sentence) > 100_000:
+            tally.find(inquiry.given.index, f"the answer is {sentence[:300]!r}", inquiry.given)
+
+
+def main(argv=None):
+    """Runs the attack; returns the exit code."""
+    options = arguments(argv, "Sends hostile bytes into a server without a socket.", 20_000, 600.0)
+    tally = Tally("in process", options.seed, options.seconds, counts={"refused": 0, "unanswered": 0})
+    attack(tally, options.first, options.count)
+    return tally.end()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
