@@ -6,7 +6,6 @@ request must have exactly one answer, the server must do what mechanics says, an
 """
 
 import json
-import os
 import sys
 import threading
 import time
@@ -40,6 +39,11 @@ MOST_LOG, MOST_LOG_OF_SLICE = 60_000, 1_500
 """Characters of the server's log, and those that each slice may add: a flood of bad input is no flood of log lines."""
 
 _CONTROL = 20.0
+
+
+def environment_of_world():
+    """Returns the environment in which the plugin `cli.world.probe:Probe` is found."""
+    return {"PYTHONPATH": str(TESTS)}
 
 
 class Answers:
@@ -94,7 +98,7 @@ class Target:
     """A server and the client that attacks it."""
 
     def __init__(self):
-        self.server = Served(str(WORLD), cwd=WORLD.parent, env={"PYTHONPATH": str(TESTS)})
+        self.server = Served(str(WORLD), cwd=WORLD.parent, env=environment_of_world())
         try:
             self.client = Client(self.server.endpoint)
             self.interfaces = interfaces_of(self.client.ask("mjplug/interfaces"))
@@ -262,7 +266,6 @@ def _slice(tally, target, inputs, index, size, name):
         unanswered = answers.wait(ANSWER)
         wrong = wrong or target.check()
     except AssertionError as error:
-        time.sleep(float(os.environ.get("HOLD", "0")))
         wrong, unanswered = f"a control call has no answer: {error}", answers.wait(0.0)
     tally.count("refused", answers.refused)
     tally.count("unanswered", 0)
