@@ -47,7 +47,7 @@ class Names:
         if not name or len(name) > LONGEST:
             return None
         wanted = name.casefold()
-        candidates = set()
+        candidates: set[str] = set()
         for keys, text in ((self._forward, wanted), (self._backward, wanted[::-1])):
             # Without its last character too: what stands right before the many names that begin like a wrong one.
             candidates.update(_around(keys, text), _around(keys, text[:-1]))

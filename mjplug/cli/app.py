@@ -1,5 +1,7 @@
 """The tree of commands."""
 
+import errno
+import os
 import sys
 from typing import Annotated
 
@@ -22,6 +24,8 @@ from mjplug.cli.sim import app as sim_app
 from mjplug.cli.top import top
 from mjplug.cli.topic import app as topic_app
 from mjplug.errors import ConfigError, MjplugError
+
+_CANNOT_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 app = typer.Typer(
     name="mjplug",
@@ -95,3 +99,10 @@ def main() -> None:
         else:
             complain(f"error: {error}")
         sys.exit(exit_code(error))
+    except OSError as error:
+        if error.errno not in _CANNOT_WRITE or error.filename is not None:
+            raise
+        # Standard output, which is a file on a full disk. What is left in its buffer could not be written either.
+        complain(f"error: cannot write: {error.strerror}")
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

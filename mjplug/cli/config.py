@@ -95,15 +95,10 @@ def convert(config: Config, model: Model = None, output: Output = None) -> None:
 
 
 def _write(text: str, output: Path | None) -> None:
-    from mjplug.errors import MjplugError
+    from mjplug.cli.new_files import write_file
 
     if output is None:
         say(text.rstrip("\n"))
         return
-    if output.exists():
-        raise MjplugError(f"{output} is there already; remove it, or choose another name")
-    try:
-        output.write_text(f"{text.rstrip()}\n", encoding="utf-8")
-    except OSError as error:
-        raise MjplugError(f"cannot write {output}: {error.strerror or error}") from error
+    write_file(output, f"{text.rstrip()}\n")
     complain(f"wrote {output}")

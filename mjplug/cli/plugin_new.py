@@ -6,6 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
+from mjplug.cli.new_files import write_folder
 from mjplug.errors import MjplugError
 
 _FILES = {
@@ -41,15 +42,7 @@ def write(name: str, into: Path) -> Path:
         for source, target in _FILES.items()
     }
     written[f"src/{name}/__init__.py"] = f'"""A plugin for mjplug: {name}."""\n'
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
-        raise MjplugError(f"{folder} is there already; choose another name, or another folder with --into") from None
-    except OSError as error:
-        raise MjplugError(f"cannot make {folder}: {error.strerror or error}") from error
-    for path, text in written.items():
-        (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
+    write_folder(folder, written)
     return folder
 
 
