@@ -7,7 +7,12 @@ export UV_PYTHON_DOWNLOADS := never
 # How many processes share the tests. Tests wait more than they compute, but each server that they start computes too.
 TEST_PROCESSES ?= auto
 
-.PHONY: help setup demo serve test test-slow check format bench docs docs-test clean
+.PHONY: help setup demo serve test test-slow check format bench fuzz soak docs docs-test clean
+
+FUZZ_COUNT ?= 100000
+FUZZ_SEED ?= 0
+SOAK_SECONDS ?= 1800
+WORKER_KILLS ?= 100
 
 help:          ## Shows this list.
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ —/'
@@ -53,6 +58,13 @@ format: $(READY) ## Formats the code.
 
 bench: $(READY) ## Measures, side by side in one run, and writes docs/benchmarks.md.
 	@$(RUN)/python -m benchmarks
+
+fuzz: $(READY) ## Attacks the server with FUZZ_COUNT hostile inputs (FUZZ_SEED chooses others).
+	@PYTHONPATH=tests $(RUN)/python -m hostile.fuzz --count $(FUZZ_COUNT) --seed $(FUZZ_SEED)
+
+soak: $(READY) ## Serves under load for SOAK_SECONDS; memory, threads and files must stay flat. Then kills WORKER_KILLS workers.
+	@PYTHONPATH=tests $(RUN)/python -m hostile.soak --seconds $(SOAK_SECONDS)
+	@test ! -e tests/hostile/worker_kills.py || PYTHONPATH=tests $(RUN)/python -m hostile.worker_kills --count $(WORKER_KILLS)
 
 docs: $(READY) ## Builds the documentation as a site, into build/site; a broken link is an error.
 	@$(RUN)/python docs/site/build.py

@@ -37,7 +37,8 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
         files: Texts by relative paths.
 
     Raises:
-        MjplugError: It exists, or cannot be written; then nothing of it is left, nor of the folders above that it needed.
+        MjplugError: It exists, or cannot be written; then nothing of it is left, nor of the folders above that it
+            needed.
     """
     missing = [above for above in (folder, *folder.parents) if not above.exists()]
     try:

@@ -47,6 +47,7 @@ class Tally:
         inputs: Number of inputs so far.
         counts: Further numbers for the summary, such as `refused`.
         findings: One text for each finding.
+        module: The module to run again, if inputs can be sent again one by one.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Tally:
     inputs: int = 0
     counts: dict = field(default_factory=dict)
     findings: list = field(default_factory=list)
+    module: str = ""
     began: float = field(default_factory=time.monotonic)
 
     @property
@@ -71,7 +73,9 @@ class Tally:
         self.findings.append(text)
         print(f"FINDING {text}", flush=True)
         if given:
-            print(f"    input: {given!r:.4000}", flush=True)
+            print(f"    input: {repr(given)[:4000]}", flush=True)
+        if isinstance(index, int) and self.module:
+            print(f"    again: python -m {self.module} --seed {self.seed} --first {index} --count 1", flush=True)
 
     def end(self):
         """Prints the summary; returns the exit code."""

@@ -1,8 +1,8 @@
 """Hostile configurations and models: `mjplug serve X --check` ends with a sentence and an exit code, whatever X holds.
 
-The command runs in forked children with a limit of memory and of processor time, since MuJoCo itself may end the process
-on a hostile model. Where it does, the same model goes to a process that has nothing but MuJoCo: if that one ends too,
-the crash is MuJoCo's, and is counted apart.
+The command runs in forked children with a limit of memory and of processor time, since MuJoCo itself may end the
+process on a hostile model. Where it does, the same model goes to a process that has nothing but MuJoCo: if that one
+ends too, the crash is MuJoCo's, and is counted apart.
 """
 
 import argparse
@@ -177,11 +177,17 @@ def _judge_crash(tally, seed, index, code):
         if name.startswith("model"):
             bare = subprocess.run(
                 ["prlimit", f"--as={MOST_MEMORY}", f"--cpu={MOST_CPU}", sys.executable, "-c", BARE, name],
-                cwd=folder, capture_output=True, text=True, check=False,
-            )  # fmt: skip
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             if bare.returncode not in (0, 1) or "Traceback" in bare.stderr:
                 tally.count("crashes of MuJoCo itself")
-                print(f"upstream: seed {seed}, input {index}: bare MuJoCo ends with {bare.returncode} ({by} here)", flush=True)
+                print(
+                    f"upstream: seed {seed}, input {index}: bare MuJoCo ends with {bare.returncode} ({by} here)",
+                    flush=True,
+                )
                 return
         tally.find(index, f"the process ended with {by}", (Path(folder) / name).read_bytes())
 
@@ -205,18 +211,26 @@ def main(argv=None):
     """Runs the attack; returns the exit code."""
     parser = argparse.ArgumentParser(description="Checks hostile configurations and models.")
     add_bounds(parser, 2_000, 600.0)
-    parser.add_argument("--processes", type=int, default=3, help="inputs that run as real processes besides (default 3)")
+    parser.add_argument(
+        "--processes", type=int, default=3, help="inputs that run as real processes besides (default 3)"
+    )
     parser.add_argument("--write", action="store_true", help="write the first input to the current folder, and end")
     options = parser.parse_args(argv)
     if options.write:
         print(write_input(options.seed, options.first, Path.cwd()))
         return 0
-    tally = Tally("configuration", options.seed, options.seconds, counts={"refused": 0, "unanswered": 0})
+    tally = Tally(
+        "configuration",
+        options.seed,
+        options.seconds,
+        counts={"refused": 0, "unanswered": 0},
+        module="hostile.configuration",
+    )
     # Imported before the children are forked, so that each does not do it again.
     import mjplug.cli.app
     import mjplug.core.model_file
     import mjplug.plugin.registry
-    import mjplug.server  # noqa: F401
+    import mjplug.server
 
     for name in mjplug.plugin.registry.registered():
         mjplug.plugin.registry.find(name)

@@ -4,7 +4,6 @@ The disk is a tmpfs of a few pages in a mount namespace of its own, which needs 
 """
 
 import argparse
-import json
 import os
 import shutil
 import subprocess
@@ -34,9 +33,15 @@ WRITERS = (
 """Commands that make files, and what they make."""
 
 PRINTERS = (
-    ["completion", "bash"], ["config", "schema"], ["config", "show", "bundled:box"], ["plugin", "list"],
-    ["model", "info", "bundled:arm"], ["interface", "list"], ["--help"], ["serve", "bundled:box", "--check"],
-)  # fmt: skip
+    ["completion", "bash"],
+    ["config", "schema"],
+    ["config", "show", "bundled:box"],
+    ["plugin", "list"],
+    ["model", "info", "bundled:arm"],
+    ["interface", "list"],
+    ["--help"],
+    ["serve", "bundled:box", "--check"],
+)
 """Commands whose standard output may be a file on a full disk."""
 
 
@@ -114,9 +119,7 @@ def serve_with_a_full_log(tally, work):
     _mount(disk, 0, 100)
     with (disk / "log").open("w") as log:
         command = [sys.executable, "-m", "mjplug", "serve", "bundled:box", "-vv", *FREE_PORT]
-        server = subprocess.Popen(
-            command, cwd=work, env=environment(), text=True, stdout=subprocess.PIPE, stderr=log
-        )  # fmt: skip
+        server = subprocess.Popen(command, cwd=work, env=environment(), text=True, stdout=subprocess.PIPE, stderr=log)
     try:
         ready = Lines(server.stdout).wait_for(r"ready.*?(tcp/\S+:\d+)", STARTING)
         tally.inputs += 1

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import zenoh
-
 from cli.client import wrench, wrenches
 from hostile.attack import Tally, arguments
-from hostile.inputs import Inputs, Interface, encoding_of
+from hostile.byte_transport import ByteTransport, LocalInquiry
+from hostile.inputs import Inputs, encoding_of
 from hostile.observed import resident
+
 from mjplug.config.load import read
 from mjplug.core import process
 from mjplug.core.model_file import load_model
@@ -25,11 +26,8 @@ from mjplug.offline import OfflineWorkers
 from mjplug.plugin.selection import select
 from mjplug.server import Server
 from mjplug.transport import ServiceName
-from mjplug.wire.calls import OpenCalls
 from mjplug.wire.encoding import Received
 from mjplug.wire.rmw_zenoh.descriptions import TypeDescriptions
-from mjplug.wire.service import ServiceServer
-from mjplug.wire.subscription import Subscription
 from mjplug_schemas.registry import find
 from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
@@ -42,65 +40,6 @@ MOST_CPU = 5.0
 
 MOST_GROWTH = 200 << 20
 """How much the process may grow after the first tenth of the inputs [bytes]."""
-
-
-class ByteTransport:
-    """Implements `mjplug.transport.Transport` with the server's own decoders, and bytes from the attacker."""
-
-    def __init__(self):
-        self.open_calls = OpenCalls()
-        self.doors, self.inlets, self.interfaces = {}, {}, []
-        self.published = 0
-
-    def open_publisher(self, topic, on_matched=None):
-        self.interfaces.append(Interface("published", topic.name[1:], topic.name[1:], topic.type.TYPE, topic.type))
-        return EncodingPublisher(self)
-
-    def open_subscription(self, topic, deliver):
-        self.interfaces.append(Interface("subscribed", topic.name[1:], topic.name[1:], topic.type.TYPE, topic.type))
-        self.inlets.setdefault(topic.name[1:], []).append(Subscription(topic, deliver))
-
-    def open_service(self, service, deliver):
-        key = service.name[1:]
-        self.interfaces.append(Interface("service", key, key, service.type.TYPE, service.type.Request))
-        self.doors[key] = ServiceServer(service, deliver, self.open_calls)
-
-
-class EncodingPublisher:
-    """Encodes what is published in both forms, for nobody."""
-
-    matched = True
-
-    def __init__(self, transport):
-        self._transport = transport
-
-    def publish(self, message):
-        message.to_cdr()
-        message.to_json()
-        self._transport.published += 1
-
-    def publish_frame(self, frame):
-        frame.payload()
-        self._transport.published += 1
-
-
-class LocalInquiry:
-    """One request; implements `mjplug.wire.dialect.Inquiry`."""
-
-    def __init__(self, given, needs_response):
-        payload = None if given.payload is None else zenoh.ZBytes(given.payload)
-        only = "cdr" if needs_response else None
-        self.received = Received(payload, None if needs_response else encoding_of(given.encoding), only)
-        self.parameters = dict(pair.partition("=")[::2] for pair in given.parameters.split(";") if pair)
-        self.needs_response = needs_response
-        self.given = given
-        self.answers = []
-
-    def reply(self, payload, form):
-        self.answers.append((payload, form))
-
-    def reply_error(self, sentence):
-        self.answers.append((sentence, None))
 
 
 class Tracebacks(logging.Handler):
@@ -172,8 +111,10 @@ class Target:
         thrown["pose"] = {"pose": {"position": {"x": 7.0}}}
         response = self.call("mjplug/set_free_joint_state", {"free_joints": [thrown]})
         pushed = wrenches(wrench("link_b", force=(3.0, 0.0, 0.0), seconds=0.02))
-        pushing = LocalInquiry(_Right(find("mujoco_ros2_control_msgs/srv/ApplyExternalWrench").Request.model_validate(
-            pushed).to_cdr()), True)  # fmt: skip
+        pushing = LocalInquiry(
+            _Right(find("mujoco_ros2_control_msgs/srv/ApplyExternalWrench").Request.model_validate(pushed).to_cdr()),
+            True,
+        )
         self.transport.doors["external_wrench/apply_wrench"].receive(pushing)
         loop.step(20)
         self.settle()
@@ -270,7 +211,9 @@ def _judge(tally, inquiries):
 def main(argv=None):
     """Runs the attack; returns the exit code."""
     options = arguments(argv, "Sends hostile bytes into a server without a socket.", 20_000, 600.0)
-    tally = Tally("in process", options.seed, options.seconds, counts={"refused": 0, "unanswered": 0})
+    tally = Tally(
+        "in process", options.seed, options.seconds, counts={"refused": 0, "unanswered": 0}, module="hostile.in_process"
+    )
     attack(tally, options.first, options.count)
     return tally.end()
 

@@ -5,29 +5,70 @@ from dataclasses import dataclass
 from typing import Literal
 
 import zenoh
-
 from hostile.attack import random_of
 from hostile.payloads import as_json, cdr, odd_json, spoilt
 from hostile.values import Values
+
 from mjplug_schemas import names
 from mjplug_schemas.registry import find
 from mjplug_schemas.rihs01 import type_hash
 from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
 ENCODINGS = (
-    "application/cdr", "application/json", "text/json", "zenoh/bytes", "zenoh/string", "text/plain", "image/png",
-    "application/octet-stream", "application/cdr;std_msgs/msg/String", "application/json;x", "application/cdr;",
-    "@/%;;", "APPLICATION/JSON", "application/json;charset=utf-8", "x" * 250,
-)  # fmt: skip
+    "application/cdr",
+    "application/json",
+    "text/json",
+    "zenoh/bytes",
+    "zenoh/string",
+    "text/plain",
+    "image/png",
+    "application/octet-stream",
+    "application/cdr;std_msgs/msg/String",
+    "application/json;x",
+    "application/cdr;",
+    "@/%;;",
+    "APPLICATION/JSON",
+    "application/json;charset=utf-8",
+    "x" * 250,
+)
 """Zenoh's Python library panics in the sender with encodings above 255 bytes, so none is longer."""
 
 PARAMETERS = (
-    "wait=false", "wait=true", "wait", "wait=%00", "=;;=;", "wait=%ff%zz", "a=b;" * 3000, "wait=true;wait=false",
-    "_time=[now(-1s)..]", "_anyke", "schema=true", "schema=%C3%A9", "_max=0;_range=..;_sn=1..3", "\u540d=1",
-)  # fmt: skip
+    "wait=false",
+    "wait=true",
+    "wait",
+    "wait=%00",
+    "=;;=;",
+    "wait=%ff%zz",
+    "a=b;" * 3000,
+    "wait=true;wait=false",
+    "_time=[now(-1s)..]",
+    "_anyke",
+    "schema=true",
+    "schema=%C3%A9",
+    "_max=0;_range=..;_sn=1..3",
+    "\u540d=1",
+)
 
-WILDCARDS = ("**", "**/@json", "*/*", "mjplug/*", "mjplug/**", "m$*", "*/@json", "0/**", "*/*/*/*", "$*/set_pause", "@mjplug/**",
-             "@ros2_lv/**", "**/@adv/**", "mjplug/set_pause/**", "0/mjplug/set_pause/**", "@/**", "**/interfaces")  # fmt: skip
+WILDCARDS = (
+    "**",
+    "**/@json",
+    "*/*",
+    "mjplug/*",
+    "mjplug/**",
+    "m$*",
+    "*/@json",
+    "0/**",
+    "*/*/*/*",
+    "$*/set_pause",
+    "@mjplug/**",
+    "@ros2_lv/**",
+    "**/@adv/**",
+    "mjplug/set_pause/**",
+    "0/mjplug/set_pause/**",
+    "@/**",
+    "**/interfaces",
+)
 
 
 @dataclass(frozen=True)
@@ -120,7 +161,9 @@ class Inputs:
     def make(self, index):
         """Returns the input with a number."""
         random = random_of(self._seed, index)
-        door = random.choices(self._doors, [{"plain": 50, "json": 12, "ros2": 25, "other": 13}[d] for d in self._doors])[0]
+        door = random.choices(
+            self._doors, [{"plain": 50, "json": 12, "ros2": 25, "other": 13}[d] for d in self._doors]
+        )[0]
         if door == "other":
             return self._elsewhere(index, random)
         if door == "json":

@@ -1,37 +1,87 @@
-"""Spoilt models: MJCF and URDF with huge numbers, deep nesting, odd names, missing files, include loops, broken bytes."""
+"""Spoilt models: MJCF and URDF with huge numbers, odd names, missing files, include loops and broken bytes."""
 
 import re
 
 from hostile.payloads import spoilt
 
 VALUES = (
-    "0", "-1", "1e308", "-1e308", "5e-324", "nan", "inf", "-inf", "1e999", "2147483647", "-2147483648", "4294967296", "1e10",
-    "", " ", "x", "0 0 0 0 0 0 0 0 0 0", "1 2", "é", "&#1;", "&#x202e;", "a\nb", "a/b", "*", "%s%n%n", "../../../etc/passwd",
-    "missing.png", "missing.stl", "included.xml", "true", "false", "null", "1e-320", "999999999999999999999",
-)  # fmt: skip
+    "0",
+    "-1",
+    "1e308",
+    "-1e308",
+    "5e-324",
+    "nan",
+    "inf",
+    "-inf",
+    "1e999",
+    "2147483647",
+    "-2147483648",
+    "4294967296",
+    "1e10",
+    "",
+    " ",
+    "x",
+    "0 0 0 0 0 0 0 0 0 0",
+    "1 2",
+    "é",
+    "&#1;",
+    "&#x202e;",
+    "a\nb",
+    "a/b",
+    "*",
+    "%s%n%n",
+    "../../../etc/passwd",
+    "missing.png",
+    "missing.stl",
+    "included.xml",
+    "true",
+    "false",
+    "null",
+    "1e-320",
+    "999999999999999999999",
+)
 
 NUMBERS = ("1e308", "1e30", "-1", "0", "nan", "1e9", "2147483647", "65536", "1e-300", "0.5", "3")
 
 ELEMENTS = (
-    '<include file="included.xml"/>', '<include file="missing.xml"/>', '<include file="model.xml"/>',
-    '<size njmax="100000" nconmax="100000"/>', '<size memory="1P"/>', '<size memory="16E"/>', '<size nuser_body="1000000"/>',
+    '<include file="included.xml"/>',
+    '<include file="missing.xml"/>',
+    '<include file="model.xml"/>',
+    '<size njmax="100000" nconmax="100000"/>',
+    '<size memory="1P"/>',
+    '<size memory="16E"/>',
+    '<size nuser_body="1000000"/>',
     '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="100000"/></asset>',
     '<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>',
-    '<asset><mesh name="m" file="missing.stl"/></asset>', '<asset><mesh name="m2" vertex="0 0 0 1 0 0 0 1 0"/></asset>',
+    '<asset><mesh name="m" file="missing.stl"/></asset>',
+    '<asset><mesh name="m2" vertex="0 0 0 1 0 0 0 1 0"/></asset>',
     '<asset><mesh name="m3" vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 1 9999"/></asset>',
     '<worldbody><replicate count="20000"><geom size=".1"/></replicate></worldbody>',
     '<worldbody><replicate count="-1"><geom size=".1"/></replicate></worldbody>',
     '<worldbody><composite type="cable" prefix="c" count="500 1 1" size="1"><geom size=".01"/></composite></worldbody>',
     '<worldbody><flexcomp name="f" type="grid" count="60 60 1" spacing=".1 .1 .1" radius=".01"/></worldbody>',
-    '<worldbody><body name="world"/></worldbody>', '<worldbody><body name=""/><body name=""/></worldbody>',
-    '<worldbody><camera name="c" resolution="100000 100000"/></worldbody>', '<option timestep="0"/>',
-    '<option timestep="1e-300"/>', '<option timestep="1e300"/>', '<option timestep="-1"/>', '<option gravity="nan 0 0"/>',
-    '<extension><plugin plugin="mujoco.plugin.lidar"/></extension>', '<extension><plugin plugin="nothing"/></extension>',
-    '<keyframe><key name="k" qpos="1e999"/></keyframe>', '<keyframe><key name="k" time="nan"/></keyframe>',
-    '<custom><numeric name="n" size="500000000"/></custom>', '<custom><text name="t" data="\u00e9"/></custom>',
-    '<default><default class="main"/></default>', '<compiler angle="x"/>', '<statistic extent="0"/>',
-    '<visual><global offwidth="1000000" offheight="1000000"/></visual>', '<!DOCTYPE x>', '<?x y?>', '<![CDATA[x]]>',
-)  # fmt: skip
+    '<worldbody><body name="world"/></worldbody>',
+    '<worldbody><body name=""/><body name=""/></worldbody>',
+    '<worldbody><camera name="c" resolution="100000 100000"/></worldbody>',
+    '<option timestep="0"/>',
+    '<option timestep="1e-300"/>',
+    '<option timestep="1e300"/>',
+    '<option timestep="-1"/>',
+    '<option gravity="nan 0 0"/>',
+    '<extension><plugin plugin="mujoco.plugin.lidar"/></extension>',
+    '<extension><plugin plugin="nothing"/></extension>',
+    '<keyframe><key name="k" qpos="1e999"/></keyframe>',
+    '<keyframe><key name="k" time="nan"/></keyframe>',
+    '<custom><numeric name="n" size="500000000"/></custom>',
+    '<custom><text name="t" data="\u00e9"/></custom>',
+    '<default><default class="main"/></default>',
+    '<compiler angle="x"/>',
+    '<statistic extent="0"/>',
+    '<visual><global offwidth="1000000" offheight="1000000"/></visual>',
+    "<!DOCTYPE x>",
+    "<?x y?>",
+    "<![CDATA[x]]>",
+)
 
 URDF = (
     '<robot name="r"><link name="base"/>{}<joint name="j" type="revolute"><parent link="base"/><child link="tip"/>'
@@ -40,16 +90,21 @@ URDF = (
     '<collision><geometry><box size=".1 .1 .1"/></geometry></collision></link></robot>'
 )
 URDF_ELEMENTS = (
-    "", '<link name="base"/>', '<link name=""/>', "<link/>", '<joint name="k" type="x"/>',
+    "",
+    '<link name="base"/>',
+    '<link name=""/>',
+    "<link/>",
+    '<joint name="k" type="x"/>',
     '<link name="m"><collision><geometry><mesh filename="package://nothing/x.stl"/></geometry></collision></link>',
     '<link name="m"><collision><geometry><mesh filename="missing.stl"/></geometry></collision></link>',
     '<link name="m"><collision><geometry><mesh filename="x.dae"/></geometry></collision></link>',
     '<link name="m"><collision><geometry><mesh filename="file:///dev/null.stl"/></geometry></collision></link>',
     '<link name="m"><collision><geometry><mesh filename="a&#10;b.stl"/></geometry></collision></link>',
     '<link name="m"><collision><geometry><mesh/></geometry></collision></link>',
-    '<mujoco><compiler discardvisual="x" meshdir="\u00e9"/></mujoco>', '<mujoco><compiler fusestatic="maybe"/></mujoco>',
+    '<mujoco><compiler discardvisual="x" meshdir="\u00e9"/></mujoco>',
+    '<mujoco><compiler fusestatic="maybe"/></mujoco>',
     '<joint name="loop" type="fixed"><parent link="tip"/><child link="base"/></joint>',
-)  # fmt: skip
+)
 
 
 def spoilt_model(random, models):
@@ -101,5 +156,6 @@ def _attributes(text, random):
     if random.random() < 0.3:
         tags = list(re.finditer(r"<[a-z]+", text))
         tag = random.choice(tags)
-        text = f"{text[: tag.start()]}<{random.choice(('body', 'joint', 'geom', 'x', 'site', 'freejoint'))}{text[tag.end() :]}"
+        other = random.choice(("body", "joint", "geom", "x", "site", "freejoint"))
+        text = f"{text[: tag.start()]}<{other}{text[tag.end() :]}"
     return text

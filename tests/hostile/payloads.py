@@ -5,9 +5,11 @@ The CDR writer is independent of the server's: it also writes what that one refu
 
 import base64
 import json
+import math
 import struct
 
 from hostile.values import default_of
+
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.shape import fields
 
@@ -73,8 +75,8 @@ def as_json(tree, quoted_floats=True):
             return [plain(item) for item in value]
         if isinstance(value, bytes):
             return base64.b64encode(value).decode()
-        if quoted_floats and isinstance(value, float) and value - value != 0:
-            return "NaN" if value != value else "Infinity" if value > 0 else "-Infinity"
+        if quoted_floats and isinstance(value, float) and not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
         return value
 
     return json.dumps(plain(tree)).encode()
@@ -110,7 +112,9 @@ def _spoil(out, random):
     elif kind == 6:
         out[:4] = random.choice((b"\0\0\0\0", b"\0\1\0\0", b"\0\3\0\0", b"\0\2\0\0", b"\0\1\0\3", b"\xff\xff\xff\xff"))
     elif kind == 7:
-        out[at : at + 4] = random.choice((b"{", b"}", b"[", b"]", b'"', b"null", b"1e999", b"\\u0000", b"\\ud800", b","))
+        out[at : at + 4] = random.choice(
+            (b"{", b"}", b"[", b"]", b'"', b"null", b"1e999", b"\\u0000", b"\\ud800", b",")
+        )
     elif kind == 8:
         out[at : at + random.randrange(16)] = b""
     elif out:

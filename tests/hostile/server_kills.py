@@ -13,6 +13,7 @@ from cli.process import Served
 from hostile.attack import Tally, arguments, random_of
 from hostile.observed import SHARED_MEMORY, children, is_running, shared_memory_of
 from hostile.wire import WORLD, environment_of_world
+
 from mjplug.client import ClientError, connect
 
 CALLERS = 3
@@ -61,7 +62,7 @@ def round_of(tally, index, port, options):
     began = time.monotonic()
     server = Served(
         str(WORLD), *options, cwd=WORLD.parent, env=environment_of_world(), listen=("--listen", f"tcp/127.0.0.1:{port}")
-    )  # fmt: skip
+    )
     tally.counts["slowest start [s]"] = max(
         tally.counts.get("slowest start [s]", 0.0), round(time.monotonic() - began, 1)
     )
@@ -128,9 +129,10 @@ def main(argv=None):
 
 
 LIDAR = (
-    "--set", "plugins.lidar.scan={site: lidar, resolution: [36, 1], azimuth_range: [-3, 3], elevation_range: [0],"
+    "--set",
+    "plugins.lidar.scan={site: lidar, resolution: [36, 1], azimuth_range: [-3, 3], elevation_range: [0],"
     " max_range: 10, update_rate: 20}",
-)  # fmt: skip
+)
 """A lidar for the world, which makes the server start a worker process."""
 
 

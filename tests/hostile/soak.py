@@ -1,8 +1,8 @@
 """A long run at full speed, with everything that uses up memory, file descriptors, threads or shared memory.
 
 The server runs at speed max with a lidar and, where there is OpenGL, a camera. Meanwhile come resets, wrenches (equal,
-zero, overlapping), joint and velocity commands, clients that come and go, and kills of worker processes. At the end, what
-the server holds must be flat: the last quarter is compared with the first after the warm-up, and with a fitted slope.
+zero, overlapping), joint and velocity commands, clients that come and go, and kills of worker processes. At the end,
+what the server holds must be flat: the last quarter is compared with the first after the warm-up, and a slope fitted.
 """
 
 import argparse
@@ -14,7 +14,6 @@ import threading
 import time
 
 import numpy as np
-
 from cli.client import JSON, Client, wrench, wrenches
 from cli.process import Served
 from hostile.attack import Tally, add_bounds, random_of
@@ -61,7 +60,9 @@ class Load(threading.Thread):
         random, tally = self._random, self._tally
         force = (random.uniform(-1, 1), 0.0, 0.0)
         duration = random.choice((0.0, 0.002, 0.01, 0.5))
-        pushes = [wrench(random.choice(("link_a", "link_b")), force=force, seconds=duration)] * random.choice((1, 2, 20))
+        pushes = [wrench(random.choice(("link_a", "link_b")), force=force, seconds=duration)] * random.choice(
+            (1, 2, 20)
+        )
         pushes += [wrench("link_a", seconds=0.0), wrench("link_b", force=force, seconds=0.3)]
         pending = [
             client.send("external_wrench/apply_wrench", json.dumps(wrenches(*pushes)), JSON, timeout=60.0)
@@ -174,7 +175,9 @@ def judge(tally, samples, seconds):
 
 def main(argv=None):
     """Runs the soak; returns the exit code."""
-    parser = argparse.ArgumentParser(description="Serves under load for a long time; what the server holds must be flat.")
+    parser = argparse.ArgumentParser(
+        description="Serves under load for a long time; what the server holds must be flat."
+    )
     add_bounds(parser, 0, 1800.0)
     parser.add_argument("--no-camera", action="store_true", help="without a camera, which needs OpenGL")
     parser.add_argument("--no-kills", action="store_true", help="without kills of worker processes")

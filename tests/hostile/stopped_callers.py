@@ -40,7 +40,8 @@ STOPPED = """
         {"wrench": {"header": {"frame_id": "link_a"}}, "duration": {"sec": 1000}}]}}
     if sys.argv[2] != "listener":
         for _ in range(30):
-            session.get("external_wrench/apply_wrench", Callback(print, indirect=False), payload=json.dumps(push), timeout=900.0)
+            answered = Callback(print, indirect=False)
+            session.get("external_wrench/apply_wrench", answered, payload=json.dumps(push), timeout=900.0)
     for _ in session.get("mjplug/get_parameters", timeout=60.0):
         print("ready", flush=True)
     end.wait()
@@ -74,7 +75,9 @@ def round_of(tally, index, server, client):
         slowest = 0.0
         for call in range(CALLS):
             began = time.monotonic()
-            answer = client.send("mjplug/get_parameters", b'{"names": ["sim.speed"]}', timeout=TIMEOUT).answer(TIMEOUT + 5)
+            answer = client.send("mjplug/get_parameters", b'{"names": ["sim.speed"]}', timeout=TIMEOUT).answer(
+                TIMEOUT + 5
+            )
             slowest = max(slowest, time.monotonic() - began)
             tally.inputs += 1
             if not answer.ok or len(answer.json["values"]) != 1:
@@ -125,7 +128,9 @@ def main(argv=None):
                     break
                 time.sleep(0.2)
             else:
-                tally.find("all", f"file descriptors and threads: {before} before, {after} a minute after the last round")
+                tally.find(
+                    "all", f"file descriptors and threads: {before} before, {after} a minute after the last round"
+                )
         code = server.stop(within=30.0)
         if code != 0 or "Traceback" in server.err.text:
             tally.find("all", f"the server ended with {code}: {server.err.text[-2000:]}")

@@ -1,23 +1,96 @@
 """Spoilt configuration files: bombs, odd types, boundary values for the parameters of plugins, and broken bytes."""
 
 import yaml
-
 from hostile.payloads import spoilt
 
 VALUES = (
-    "null", "~", "''", "true", "1", "-1", "0", "0.0", "-0.0", "1e308", "-1e308", "5e-324", ".inf", "-.inf", ".nan", "1e999",
-    str(2**63), str(2**64), str(-(2**70)), "9" * 400, "[]", "{}", "[1, 2, 3]", "{a: 1}", "[[[]]]", "x", '"\\0"', '"\\e[31m"',
-    "é", "名", "!!python/object/apply:os.system [id]", "!!binary aGk=", "!!str 1", "2001-01-01", "1:30", "0x10", "0o7", "*x",
-    "&x [*x]", "<<", "../../etc/passwd", "/dev/zero", "/dev/null", "/proc/self/mem", "tcp/127.0.0.1:99999", "'*'", "a/b",
-    "package://nothing/x.xml", "bundled:nothing", "bundled:box", "x" * 5000, '"' + "\\U0001F4A5" * 50 + '"', "? x", "- - -",
-)  # fmt: skip
+    "null",
+    "~",
+    "''",
+    "true",
+    "1",
+    "-1",
+    "0",
+    "0.0",
+    "-0.0",
+    "1e308",
+    "-1e308",
+    "5e-324",
+    ".inf",
+    "-.inf",
+    ".nan",
+    "1e999",
+    str(2**63),
+    str(2**64),
+    str(-(2**70)),
+    "9" * 400,
+    "[]",
+    "{}",
+    "[1, 2, 3]",
+    "{a: 1}",
+    "[[[]]]",
+    "x",
+    '"\\0"',
+    '"\\e[31m"',
+    "é",
+    "名",
+    "!!python/object/apply:os.system [id]",
+    "!!binary aGk=",
+    "!!str 1",
+    "2001-01-01",
+    "1:30",
+    "0x10",
+    "0o7",
+    "*x",
+    "&x [*x]",
+    "<<",
+    "../../etc/passwd",
+    "/dev/zero",
+    "/dev/null",
+    "/proc/self/mem",
+    "tcp/127.0.0.1:99999",
+    "'*'",
+    "a/b",
+    "package://nothing/x.xml",
+    "bundled:nothing",
+    "bundled:box",
+    "x" * 5000,
+    '"' + "\\U0001F4A5" * 50 + '"',
+    "? x",
+    "- - -",
+)
 
 KEYS = (
-    "model", "node_name", "namespace", "remap", "sim", "zenoh", "ros2", "plugins", "ros_params", "on_plugin_error",
-    "sim.speed", "sim.paused", "sim.keyframe", "sim.start_position_file", "sim.initial_positions", "sim.seed",
-    "sim.clock_rate", "sim.on_divergence", "zenoh.mode", "zenoh.listen", "zenoh.connect", "zenoh.config",
-    "ros2.enabled", "ros2.domain_id", "ros2.distro", "unknown", "sim.unknown", "plugins.new", "plugins.new.type",
-)  # fmt: skip
+    "model",
+    "node_name",
+    "namespace",
+    "remap",
+    "sim",
+    "zenoh",
+    "ros2",
+    "plugins",
+    "ros_params",
+    "on_plugin_error",
+    "sim.speed",
+    "sim.paused",
+    "sim.keyframe",
+    "sim.start_position_file",
+    "sim.initial_positions",
+    "sim.seed",
+    "sim.clock_rate",
+    "sim.on_divergence",
+    "zenoh.mode",
+    "zenoh.listen",
+    "zenoh.connect",
+    "zenoh.config",
+    "ros2.enabled",
+    "ros2.domain_id",
+    "ros2.distro",
+    "unknown",
+    "sim.unknown",
+    "plugins.new",
+    "plugins.new.type",
+)
 
 
 def configuration(text, random):
@@ -47,7 +120,9 @@ def _path(tree, random):
     if random.random() < 0.35:
         return tuple(random.choice(KEYS).split("."))
     plugins = tree.get("plugins")
-    plugins = {name: entry for name, entry in plugins.items() if isinstance(entry, dict)} if isinstance(plugins, dict) else {}
+    plugins = (
+        {name: entry for name, entry in plugins.items() if isinstance(entry, dict)} if isinstance(plugins, dict) else {}
+    )
     if not plugins:
         return ("plugins", "new")
     name = random.choice(list(plugins))
@@ -101,5 +176,7 @@ def _bomb(random):
     if kind == 5:
         return "a: &a {<<: *a}\nmodel: bundled:box" if many > 100 else "a: &a {b: *a}\nmodel: *a"
     if kind == 6:
-        return "model: bundled:box\nplugins:\n" + "".join(f"  p{i}: {{type: heartbeat}}\n" for i in range(min(many, 100)))
+        return "model: bundled:box\nplugins:\n" + "".join(
+            f"  p{i}: {{type: heartbeat}}\n" for i in range(min(many, 100))
+        )
     return f"model: {'x' * many * 10}\nnode_name: {'y' * many}\n"

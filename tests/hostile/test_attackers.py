@@ -1,0 +1,50 @@
+"""The attackers in short: `make fuzz` and `make soak` run them for longer."""
+
+import pytest
+from hostile import configuration, decoders, full_disk, in_process, server_kills, soak, stopped_callers, wire
+from hostile.attack import random_of
+
+
+def test_hostile_bytes_into_a_server_without_a_socket_are_refused_or_right():
+    assert in_process.main(["--count", "750", "--seconds", "40"]) == 0
+
+
+def test_hostile_inputs_over_the_wire_are_all_answered_once():
+    assert wire.main(["--count", "500", "--seconds", "40"]) == 0
+
+
+def test_hostile_configurations_and_models_end_with_a_sentence():
+    assert configuration.main(["--count", "20", "--seconds", "40", "--processes", "0"]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_clients_of_a_killed_server_get_errors_and_the_next_server_takes_over():
+    assert server_kills.main(["--count", "4", "--seconds", "300"]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_stopped_clients_hold_nobody_up():
+    assert stopped_callers.main(["--count", "2", "--seconds", "300"]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_commands_on_a_full_disk_say_so_and_leave_nothing_behind():
+    if reason := full_disk.permitted():
+        pytest.skip(reason)
+    assert full_disk.main(["--count", "10", "--seconds", "500"]) == 0
+
+
+@pytest.mark.timeout(120)
+def test_what_a_busy_server_holds_stays_flat():
+    assert soak.main(["--seconds", "8", "--no-camera", "--no-kills"]) == 0
+
+
+def test_random_bytes_are_refused_by_every_decoder_or_come_out_the_same():
+    random, types = random_of(0, 0), decoders.message_types()
+    for _ in range(300):
+        for form in (b"\0", b"\1"):
+            header = random.choice((b"\0\1\0\0", b"\0\0\0\0", b"{", b""))
+            decoders.try_one(types, random.randbytes(1) + form + header + random.randbytes(random.randrange(80)))
