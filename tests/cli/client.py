@@ -107,8 +107,8 @@ class Listener:
 class Client:
     """A Zenoh client session."""
 
-    def __init__(self, endpoint):
-        config = zenoh.Config()
+    def __init__(self, endpoint, config_file=None):
+        config = zenoh.Config() if config_file is None else zenoh.Config.from_file(str(config_file))
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("scouting/multicast/enabled", "false")

@@ -71,6 +71,8 @@ class Tally:
         """Notes and prints a finding, with what is needed to repeat it."""
         text = f"{self.name}: seed {self.seed}, input {index}: {what}"
         self.findings.append(text)
+        if len(self.findings) > MOST_FINDINGS:
+            return
         print(f"FINDING {text}", flush=True)
         if given:
             print(f"    input: {repr(given)[:4000]}", flush=True)

@@ -100,7 +100,7 @@ class Target:
     def __init__(self):
         self.server = Served(str(WORLD), cwd=WORLD.parent, env=environment_of_world())
         try:
-            self.client = Client(self.server.endpoint)
+            self.client = Client(self.server.endpoint, WORLD.parent / "patient.json5")
             self.interfaces = interfaces_of(self.client.ask("mjplug/interfaces"))
         except BaseException:
             self.server.kill()
