@@ -176,7 +176,7 @@ def _judge_crash(tally, seed, index, code):
         by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         if name.startswith("model"):
             bare = subprocess.run(
-                ["prlimit", f"--as={MOST_MEMORY}", f"--cpu={MOST_CPU}", sys.executable, "-c", BARE, name],
+                ["prlimit", f"--as={MOST_MEMORY}", f"--cpu={MOST_CPU // 2}", sys.executable, "-c", BARE, name],
                 cwd=folder,
                 capture_output=True,
                 text=True,
