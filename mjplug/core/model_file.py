@@ -52,7 +52,8 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
         model = _compile(path, environ)
     except OSError as error:
         raise ModelError(f"{error.filename or path} cannot be read: {error.strerror}") from error
-    except (ValueError, mujoco.FatalError, zipfile.BadZipFile) as error:
+    # RuntimeError: "Caught an unknown exception!", which MuJoCo raises for some broken models.
+    except (ValueError, RuntimeError, mujoco.FatalError, zipfile.BadZipFile) as error:
         lines = [line.strip() for line in message_of(error).splitlines() if line.strip()]
         raise ModelError(f"{path}: {'; '.join(lines).replace(':;', ':')}") from error
     check_names(model, path)
