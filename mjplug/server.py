@@ -1,14 +1,11 @@
 """Puts the parts together: model, loop, wire, services, plugins; runs them and takes them down in order."""
 
 import logging
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from time import monotonic, perf_counter
-from types import FrameType
+from time import perf_counter
 from typing import Any
 
 from mjplug.config.settings import Settings
@@ -34,9 +31,6 @@ from mjplug.transport import Transport
 from mjplug.work import Workers
 from mjplug_schemas.names import resolve
 
-SAME_SIGNAL = 0.5
-"""Time within which a second signal does not count as one [s]."""
-
 _log = logging.getLogger(__name__)
 
 
@@ -47,6 +41,7 @@ class Server:
         loop: The physics loop.
         plugins: The plugins that run, by instance name.
         diagnostics: Whom to ask how things are.
+        on_stopping: Called when the loop has ended, before requests are cancelled and plugins are cleaned up.
 
     Args:
         settings: The configuration.
@@ -72,6 +67,7 @@ class Server:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
         self.plugins: dict[str, Plugin[Any]] = {}
+        self.on_stopping: list[Callable[[], None]] = []
         self._settings = settings
         self._transport = transport
         self._workers = workers
@@ -112,6 +108,8 @@ class Server:
             try:
                 loop.run()
             finally:
+                for callback in self.on_stopping:
+                    callback()
                 loop.scheduler.close_jobs("cancelled: the server is stopping")
         if loop.failure is not None:
             raise loop.failure
@@ -159,32 +157,3 @@ class Server:
             if not is_fault(error):
                 raise
             _log.exception("plugin %s failed while it was cleaned up", name)
-
-
-@contextmanager
-def stopping_on_signals(loop: Loop) -> Iterator[None]:
-    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a later one ends the process at once.
-
-    A repeat within `SAME_SIGNAL` is the same signal: `timeout`, for one, sends it to the process and to its group.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    first: list[float] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        if not first:
-            first.append(monotonic())
-            loop.inbox.interrupt(loop.stop)
-        elif monotonic() - first[0] > SAME_SIGNAL:
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
-
-    for number in before:
-        signal.signal(number, stop)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

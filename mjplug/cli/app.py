@@ -37,7 +37,7 @@ app = typer.Typer(
         "mjplug sim pause",
     )
     + "\n\n\b\nExit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,\n"
-    "6 timeout, 7 refused by the server, 130 Ctrl-C.",
+    "6 timeout, 7 refused by the server, 40 stop forced, 130 Ctrl-C, 143 SIGTERM.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     # Rich would take longer to import than everything else together.

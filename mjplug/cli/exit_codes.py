@@ -2,6 +2,7 @@
 
 from mjplug.client.errors import NoServerError, RequestRefused, TimedOutError, WrongTypeError
 from mjplug.errors import ConfigError, MjplugError, ModelError, WireError
+from mjplug.lifecycle.watchdog import FORCED_STOP
 
 EXIT_CODES: tuple[tuple[type[MjplugError], int], ...] = (
     (WrongTypeError, 2),
@@ -13,7 +14,10 @@ EXIT_CODES: tuple[tuple[type[MjplugError], int], ...] = (
     (RequestRefused, 7),
     (MjplugError, 1),
 )
-"""Exit codes by error, the most specific first; 0 is success, 2 a usage error, 130 Ctrl-C."""
+"""Exit codes by error, the most specific first."""
+
+EXIT_CODES_OF_COMMANDS = frozenset({0, 1, 2, 3, 4, 5, 6, 7, FORCED_STOP, 130, 143})
+"""All exit codes of the command line: success, usage errors, those above, and those of signals."""
 
 
 def exit_code(error: MjplugError) -> int:

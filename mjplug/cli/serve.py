@@ -5,6 +5,7 @@ import logging
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +13,10 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say
-from mjplug.errors import ConfigError, UnknownName
 from mjplug.limits import LONGEST_TIME
+from mjplug.errors import ConfigError, MjplugError, UnknownName
+from mjplug.lifecycle.ending import QuickEnd
+from mjplug.lifecycle.watchdog import StopWatchdog
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
@@ -71,6 +74,12 @@ def serve(
     check: Annotated[
         bool, typer.Option("--check", help="Check configuration, model and plugins, then end; nothing is sent.")
     ] = False,
+    ready_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Write this file when services answer (JSON: endpoint); remove it at the end."
+        ),
+    ] = None,
     verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Say more.")] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what is wrong.")] = False,
 ) -> None:
@@ -78,8 +87,10 @@ def serve(
 
     Everything in CONFIG can be overridden: --set beats the environment (MJPLUG_SIM__SPEED=2), which beats the file.
     """
+    ending = QuickEnd()
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
+    from mjplug.cli.exit_codes import exit_code
     from mjplug.config.load import Option, read
 
     if duration is not None and not duration <= LONGEST_TIME:
@@ -93,15 +104,30 @@ def serve(
     sets += [_endpoints("connect", connect)] if connect else []
     sets += [_zenoh_config(zenoh_config)] if zenoh_config is not None else []
     with logging_to_stderr(-1 if quiet else verbose):
-        _run(read(config, model=model, sets=sets), duration, check)
+        draft = read(config, model=model, sets=sets)
+        if check:
+            _run(draft, duration, None)
+            return
+        watchdog = StopWatchdog()
+        watchdog.start()
+        try:
+            _run(draft, duration, watchdog, ready_file)
+            ending.code = 0
+        except MjplugError as error:
+            ending.code = exit_code(error)
+            raise
+        finally:
+            # Python's own end is bounded too: it waits for threads that plugins have started.
+            watchdog.begin()
 
 
-def _run(draft: "Draft", duration: float | None, check: bool) -> None:
+def _run(draft: "Draft", duration: float | None, watchdog: StopWatchdog | None, ready_file: Path | None = None) -> None:
+    """Runs a server; without a watchdog, it only checks whether one could run."""
     from mjplug.core import process
     from mjplug.core.model_file import load_model
     from mjplug.core.simulation import Simulation
     from mjplug.plugin.selection import select
-    from mjplug.server import Server, stopping_on_signals
+    from mjplug.server import Server
     from mjplug.starting_pose import take_starting_pose
 
     loaded, plugins = select(draft)
@@ -123,12 +149,17 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
     from mjplug.offline import OfflineTransport, OfflineWorkers
 
-    if check:
+    if watchdog is None:
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
         say(f"ok · {summary}")
         return
     from mjplug.rehearsal import rehearse
     from mjplug.wire.encoding import Limits
+    from mjplug.lifecycle.readiness import wait_until_ready
+    from mjplug.lifecycle.ready_file import ReadyFile
+    from mjplug.lifecycle.signals import stopping_on_signals
+    from mjplug.lifecycle.systemd import ServiceManager
+    from mjplug.lifecycle.whereabouts import whereabouts
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
@@ -137,6 +168,8 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     from mjplug.wire.topic_rates import TopicRates
     from mjplug.worker.workers import ProcessWorkers
 
+    manager = ServiceManager()
+    ready = None if ready_file is None else ReadyFile(ready_file)
     zenoh = settings.zenoh
     wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
     name = f"{settings.namespace}/{settings.node_name}"
@@ -157,12 +190,23 @@ def _run(draft: "Draft", duration: float | None, check: bool) -> None:
     server.loop.on_second.insert(0, rates.look)
     server.diagnostics.add("wire", WireHealth(network).diagnose)
     server.diagnostics.add("topics", rates.diagnose)
+    watchdog.describe = lambda: whereabouts(server.plugins)
+    watchdog.farewell = network.close
+    watchdog.on_signal = lambda: server.loop.inbox.interrupt(server.loop.stop)
+    server.on_stopping += [watchdog.begin, manager.stopping]
+    endpoint, state = network.session.endpoint, _state(settings.sim)
     with stopping_on_signals(server.loop):
         try:
-            typer.echo(f"ready · {network.session.endpoint} · {summary} · {_state(settings.sim)}")
+            if wait_until_ready(server.loop, network):
+                typer.echo(f"ready · {endpoint} · {summary} · {state}")
+                if ready is not None:
+                    ready.write(endpoint, f"{settings.namespace}/{settings.node_name}")
+                manager.ready(f"{endpoint} · {summary} · {state}", server.loop.inbox)
             server.run(duration)
         finally:
             # Inside, so that a repeated signal cannot cut the last answers off.
+            if ready is not None:
+                ready.remove()
             workers.close()
             network.close("the server is stopping")
     _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)

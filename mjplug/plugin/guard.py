@@ -61,6 +61,11 @@ class Guard:
         self._disable_on_error = disable_on_error
         self._stepper: PluginStepper | None = None
 
+    @property
+    def name(self) -> str:
+        """The instance's name."""
+        return self._name
+
     def attach(self, plugin: Stepping) -> None:
         """Adds the plugin to the loop's steppers, inactive."""
         stepper = self._stepper = PluginStepper(plugin.update, self.guarded(plugin.on_reset), self.fail)

@@ -100,6 +100,11 @@ class ProcessWorker:
         self._thread = threading.Thread(target=self._supervise, name=f"worker {order.name}", daemon=True)
         self._thread.start()
 
+    @property
+    def name(self) -> str:
+        """The name of the order."""
+        return self._order.name
+
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         """Hands over the present state; see `mjplug.work.Worker`."""
         simulation, wanted = self._simulation, frozenset(tasks)

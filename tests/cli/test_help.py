@@ -15,7 +15,7 @@ def test_help_names_the_commands_and_the_exit_codes(cli):
         "plugin",
         "Examples:\n    mjplug serve bundled:arm --plugin heartbeat ",
         "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 model, 5 network,",
-        "6 timeout, 7 refused by the server, 130 Ctrl-C.",
+        "6 timeout, 7 refused by the server, 40 stop forced, 130 Ctrl-C, 143 SIGTERM.",
     ):
         assert text in shown.stdout
 

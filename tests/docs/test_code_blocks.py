@@ -64,7 +64,7 @@ def of(language: str) -> pytest.MarkDecorator:
 
 
 def test_every_block_is_of_a_kind_that_is_executed_here():
-    known = {"python", "yaml", "toml", "json", "text", "console", "output", "bash"}
+    known = {"python", "yaml", "toml", "json", "text", "console", "output", "bash", "ini"}
     read_only = {"other-languages.md": {"rust", "c", "javascript"}}
     others = [
         f"{story.block.name}: {story.block.language!r}"

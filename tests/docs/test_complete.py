@@ -16,7 +16,7 @@ from pydantic_core import PydanticUndefined
 import mjplug.client
 import mjplug.plugin
 from mjplug.cli.app import app
-from mjplug.cli.exit_codes import EXIT_CODES
+from mjplug.cli.exit_codes import EXIT_CODES, EXIT_CODES_OF_COMMANDS
 from mjplug.config.document import unquoted
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.core.model_location import SUFFIXES, bundled_models
@@ -177,7 +177,10 @@ def test_a_command_that_talks_to_a_server_has_the_options_for_it():
 
 def test_exit_codes_are_those_of_the_command_line():
     documented = {int(code) for code in rows(section(CLI, "Exit codes")) if code.isdecimal()}
-    assert documented == {0, 2, 130} | {code for _, code in EXIT_CODES}
+    assert documented == EXIT_CODES_OF_COMMANDS
+    assert documented >= {code for _, code in EXIT_CODES}
+    in_help = re.findall(r"(\d+) ", app.info.epilog.partition("Exit codes: ")[2])
+    assert {int(code) for code in in_help} == EXIT_CODES_OF_COMMANDS
 
 
 def test_everything_in_the_client_is_described():

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mjplug.cli.doctor.quick import TIMEOUT, check_quickly
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say, say_json, say_table
 
@@ -26,17 +27,35 @@ def doctor(
     security: Annotated[
         bool, typer.Option("--security", help="Try what a running server lets whom do, and nothing else.")
     ] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show what was found as JSON.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Only ask a running server whether it is healthy; exit code 0 if so.")
+    ] = False,
+    server: Annotated[
+        str,
+        typer.Option("--server", metavar="NAME", help="With --quick: the server, where several are: /robot1/mjplug."),
+    ] = "",
     zenoh_config: Annotated[
         str | None,
-        typer.Option("--zenoh-config", metavar="FILE", help="Who to be with --security, besides nobody."),
+        typer.Option(
+            "--zenoh-config",
+            metavar="FILE",
+            help="Zenoh configuration file of the client that --quick or --security connects as.",
+        ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Show what was found as JSON.")] = False,
+    timeout: Annotated[
+        float,
+        typer.Option("--timeout", min=0.0, metavar="SECONDS", help="With --quick: how long to wait for the answer."),
+    ] = TIMEOUT,
 ) -> None:
     """Looks at packages, plugins, graphics, network and scheduling.
 
     It says how to fix what is wrong, and ends with exit code 1 if something does not work. With --security, it ends
     with exit code 1 if a server lets somebody do what he should not.
     """
+    if quick:
+        check_quickly(connect, server, zenoh_config, timeout)
+        return
     if security:
         _security(connect, zenoh_config, json)
         return

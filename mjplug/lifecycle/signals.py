@@ -1,0 +1,40 @@
+"""SIGINT and SIGTERM stop the server at its next step; a second one ends the process at once."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import monotonic
+from types import FrameType
+
+from mjplug.core.loop import Loop
+from mjplug.lifecycle.watchdog import SAME_SIGNAL
+
+
+@contextmanager
+def stopping_on_signals(loop: Loop) -> Iterator[None]:
+    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a later one ends the process at once.
+
+    A repeat within `SAME_SIGNAL` is the same signal: `timeout`, for one, sends it to the process and to its group.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    first: list[float] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not first:
+            first.append(monotonic())
+            loop.inbox.interrupt(loop.stop)
+        elif monotonic() - first[0] > SAME_SIGNAL:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    for number in before:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,169 @@
+"""A stop that hangs: the process ends all the same, its last line says what hung, and nothing is left behind."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from cli.conftest import WORLD
+from cli.process import STARTING
+
+from mjplug.lifecycle import overseer_process
+from mjplug.lifecycle.watchdog import FORCED_STOP, STOP_TIME
+
+ENDING = 15.0
+"""How long a test waits for a forced stop on a machine with other work [s]; the server's own clock ends it sooner."""
+
+FILE = WORLD / "hanging.py"
+
+
+@pytest.fixture
+def hang(serve):
+    """Starts a server with a plugin that hangs."""
+    return lambda plugin, *options: serve("scene.xml", "--plugin", f"hanging:{plugin}:culprit", *options, cwd=WORLD)
+
+
+def line_of(text):
+    return FILE.read_text().splitlines().index(text) + 1
+
+
+def ends(server):
+    """Returns the last line of a server that was stopped by force."""
+    assert server.end(ENDING) == FORCED_STOP
+    return server.err.text.splitlines()[-1]
+
+
+def forced(what):
+    return f"error: the server did not stop within {STOP_TIME:g} s and was ended: {what} did not return"
+
+
+def test_a_plugin_that_never_returns_from_update_is_named_with_its_line(hang):
+    server = hang("Updating")
+    server.err.wait_for("hanging", STARTING)
+    server.process.send_signal(signal.SIGTERM)
+    loop = line_of("        while True:")
+    # The loop has two lines, either of which it may be in.
+    last = ends(server)
+    assert last in [
+        forced(f"plugin instance 'culprit' in update ({FILE}, line {line}: {text})")
+        for line, text in ((loop, "while True:"), (loop + 1, "pass"))
+    ]
+
+
+def test_a_service_handler_that_sleeps_is_named_and_the_client_gets_an_answer(hang, connect):
+    server = hang("Serving", "--paused")
+    call = connect(server).request("culprit/hang")
+    server.err.wait_for("hanging", STARTING)
+    server.process.send_signal(signal.SIGINT)
+    what = f"plugin instance 'culprit' in serve ({FILE}, line {line_of('        time.sleep(1e9)')}: time.sleep(1e9))"
+    sentence = call.answer().sentence
+    assert forced(what) == f"error: {sentence}" == ends(server)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("plugin", "what"),
+    [
+        ("Timing", "plugin instance 'culprit' in fire ("),
+        ("Cleaning", "plugin instance 'culprit' in cleanup ("),
+        ("Stepping", "the physics step in advance ("),
+        ("Remaining", "the thread 'remaining' in remain ("),
+    ],
+)
+def test_what_hangs_is_named(hang, plugin, what, number):
+    server = hang(plugin)
+    if plugin != "Cleaning":
+        server.err.wait_for("hanging", STARTING)
+    if plugin == "Stepping":
+        # It cannot say more than that the next step hangs.
+        time.sleep(0.5)
+    server.process.send_signal(number)
+    assert f" and was ended: {what}" in ends(server)
+
+
+def test_a_call_that_keeps_the_gil_is_named_by_its_line(hang):
+    server = hang("Hogging")
+    server.err.wait_for("hanging", STARTING)
+    server.process.send_signal(signal.SIGTERM)
+    line = line_of("        collections.deque(itertools.repeat(0), maxlen=0)")
+    last = ends(server)
+    assert last.endswith(f'Python itself stood still, with the GIL kept in: File "{FILE}", line {line} in update')
+
+
+def test_a_hang_at_the_end_of_the_duration_is_bounded_too(hang):
+    assert "plugin instance 'culprit' in cleanup (" in ends(hang("Cleaning", "--speed", "max", "--duration", "0.1"))
+
+
+@pytest.mark.parametrize(("plugin", "code"), [("Updating", -signal.SIGTERM), ("Timing", 128 + signal.SIGTERM)])
+def test_a_second_signal_ends_a_server_that_hangs_at_once(hang, plugin, code):
+    server = hang(plugin)
+    # In C, no handler of Python runs on the physics thread, so the watchdog's thread ends the process.
+    server.err.wait_for("hanging", STARTING)
+    server.process.send_signal(signal.SIGTERM)
+    # Those that come soon after the first count as one with it, and a busy machine may see them late.
+    while server.running:
+        time.sleep(0.8)
+        server.process.send_signal(signal.SIGTERM)
+    assert server.end(ENDING) == code
+    assert "was ended" not in server.err.text
+
+
+def test_a_forced_stop_leaves_no_process_and_no_file_of_shared_memory(hang):
+    memory = {path.name for path in Path("/dev/shm").iterdir()}
+    server = hang("Employing")
+    worker = int(server.err.wait_for(r"culprit: worker (\d+)", STARTING)[1])
+    children = {
+        int(pid)
+        for pid in (Path("/proc") / str(server.process.pid) / "task" / str(server.process.pid) / "children")
+        .read_text()
+        .split()
+    }
+    server.process.send_signal(signal.SIGTERM)
+    assert "plugin instance 'culprit' in cleanup (" in ends(server)
+    until = time.monotonic() + ENDING
+    while left := [pid for pid in {worker, *children} if running(pid)]:
+        assert time.monotonic() < until, left
+        time.sleep(0.02)
+    own = {path.name for path in Path("/dev/shm").iterdir()} - memory
+    assert not [name for name in own if str(server.process.pid) in name or str(worker) in name]
+
+
+def running(pid):
+    """Whether a process runs; one that has ended and waits to be reaped does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_server_that_stops_in_time_leaves_no_overseer(serve):
+    server = serve("bundled:box", "--paused")
+    (overseer,) = [
+        int(folder.name)
+        for folder in Path("/proc").glob("[0-9]*")
+        if "overseer_process.py\0" in command(folder) and f"\0{server.process.pid}\0" in command(folder)
+    ]
+    assert server.stop() == 0
+    until = time.monotonic() + ENDING
+    while running(overseer):
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def command(folder):
+    try:
+        return (folder / "cmdline").read_text()
+    except OSError:
+        return ""
+
+
+def test_the_overseer_finds_the_physics_thread_in_what_faulthandler_writes():
+    dump = (
+        'Thread 0x00007f0000000001 (most recent call first):\n  File "/a.py", line 1 in wait\n\n'
+        "Current thread 0x00007f0000000002 (most recent call first):\n"
+        '  File "/b.py", line 22 in spin\n  File "/c.py", line 3 in run\n'
+    )
+    assert overseer_process.place(dump, 0x7F0000000002) == 'with the GIL kept in: File "/b.py", line 22 in spin'
+    assert overseer_process.place(dump, 0x7F0000000003) == "after its last line of Python: a library did not end"
+    assert overseer_process.place("", 1) == "after its last line of Python: a library did not end"
