@@ -46,9 +46,12 @@ class ServiceManager:
             threading.Thread(target=self._keep_alive, args=(inbox,), name="service manager", daemon=True).start()
 
     def stopping(self) -> None:
-        """Says that the server ends."""
+        """Says that the server ends; nothing is sent after that."""
         self._stopping.set()
         self._send("STOPPING=1\nSTATUS=stopping")
+        gone, self._socket = self._socket, None
+        if gone is not None:
+            gone.close()
 
     def _keep_alive(self, inbox: Inbox) -> None:
         """Sends a sign of life twice in each interval, but only when the physics thread has run a call since the last.
@@ -62,11 +65,12 @@ class ServiceManager:
             self._send("WATCHDOG=1")
 
     def _send(self, text: str) -> None:
-        if self._socket is None:
+        to = self._socket
+        if to is None:
             return
         # A name that begins with @ is one of Linux's abstract namespace.
         address = f"\0{self._address[1:]}" if self._address.startswith("@") else self._address
         try:
-            self._socket.sendto(text.encode(), address)
+            to.sendto(text.encode(), address)
         except OSError as error:
             _log.warning("cannot notify the service manager at NOTIFY_SOCKET=%s: %s", self._address, error)

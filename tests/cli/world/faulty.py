@@ -1,7 +1,7 @@
 """Plugins that go wrong, each at another moment."""
 
 from mjplug.errors import PluginError
-from mjplug.plugin import Host, Parameters, Plugin
+from mjplug.plugin import Diagnosis, Host, Level, Parameters, Plugin
 from mjplug_schemas.std_srvs import Trigger
 
 
@@ -52,3 +52,10 @@ class Diverges(Plugin[Parameters]):
 
     def blow_up(self) -> None:
         self.host.data.qvel[0] = float("nan")
+
+
+class Unwell(Plugin[Parameters]):
+    """Works, and reports an error."""
+
+    def init(self, host: Host, parameters: Parameters) -> None:
+        host.create_diagnostic("", lambda: Diagnosis(Level.ERROR, "no oil"))
