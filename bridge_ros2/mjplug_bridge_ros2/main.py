@@ -1,5 +1,6 @@
 """`ros2 run mjplug_bridge_ros2 bridge`."""
 
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -41,6 +42,7 @@ def main(args: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 0
     finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         executor.shutdown()
         node.destroy_node()
         if rclpy.ok():
@@ -85,7 +87,13 @@ def _run(node: Any, executor: Any) -> int:
         with suppress(KeyboardInterrupt, ExternalShutdownException):
             connector.start()
             executor.spin()
+    except Exception:
+        # When a signal ends the context while `spin` works, rclpy raises what it stumbles over, such as an RCLError.
+        if rclpy.ok():
+            raise
     finally:
+        # `ros2 launch` may send two; the second one would abort what follows, and Zenoh's threads would never end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         for bridge in bridges:
             bridge.close()
         connector.close()

@@ -10,7 +10,7 @@ from typing import Any
 from mjplug_bridge_ros2.errors import SettingsError
 from mjplug_bridge_ros2.naming import Naming, is_full_name
 
-# A list without entries would be taken for a list of bytes, as its type is all that ROS infers from a default.
+# As a default, a list without entries would be taken for a list of bytes.
 _NONE = [""]
 
 DEFAULTS: dict[str, Any] = {
@@ -75,13 +75,35 @@ def read_settings(node: Any) -> Settings:
 
 
 def _declare(node: Any, name: str, default: Any, problems: list[str]) -> Any:
+    """Declares a parameter and returns its value, or the default if it is wrong."""
     try:
         node.declare_parameter(name, default)
     except Exception as error:
         # Which exception says that a value has the wrong type differs between distributions.
+        if isinstance(default, float) and _declared(node, name, round(default)):
+            return float(node.get_parameter(name).value)
         problems.append(f"{name}: {error}")
         return default
-    return node.get_parameter(name).value
+    try:
+        value = node.get_parameter(name).value
+    except Exception:
+        # ROS takes `[]` for a parameter without a value, and some versions raise when it is read.
+        value = None
+    if value is None:
+        if isinstance(default, list):
+            return []
+        problems.append(f"{name}: it has no value")
+        return default
+    return value
+
+
+def _declared(node: Any, name: str, default: int) -> bool:
+    """Declares a parameter as an integer; ROS reads 600 as one, and does not take it for a double."""
+    try:
+        node.declare_parameter(name, default)
+    except Exception:
+        return False
+    return True
 
 
 def _patterns(name: str, texts: list[str], problems: list[str]) -> tuple[Pattern[str], ...]:

@@ -6,8 +6,10 @@ from typing import Any
 import rclpy
 import zenoh
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
+from zenoh.handlers import Callback
 
 from mjplug_bridge_ros2.listing import TopicEntry
+from mjplug_bridge_ros2.newest import Newest
 from mjplug_bridge_ros2.qos import overridable, profile
 
 _CDR = "application/cdr"
@@ -20,8 +22,9 @@ class ToRos:
 
     It subscribes in Zenoh only while somebody subscribes in ROS, so that the server does not even build messages that
     nobody reads; a latched topic is read always, since its last message is for those who come later. Messages are
-    published on Zenoh's thread of the topic: a topic that is slow or waits for its readers does not delay the others,
-    nor does the executor.
+    published on a thread of the topic: a topic that is slow or waits for its readers does not delay the others, nor
+    does the executor. If publishing is slower than the messages arrive, the oldest are dropped, as the depth of the
+    topic's quality of service says.
 
     Args:
         node: The node to publish with.
@@ -39,6 +42,7 @@ class ToRos:
             message_type, ros_name, profile(entry.qos), qos_overriding_options=overridable()
         )
         self._subscriber: Any = None
+        self._newest: Newest | None = None
         self._encodings = (f"{_CDR};{entry.type}", _CDR, _UNSTATED)
         self._open = True
         self._guard = threading.Lock()
@@ -53,9 +57,8 @@ class ToRos:
         wanted = self._entry.qos.latched or self._publisher.get_subscription_count() > 0
         if wanted and self._subscriber is None:
             self._subscriber = self._subscribe()
-        elif not wanted and self._subscriber is not None:
-            self._subscriber.undeclare()
-            self._subscriber = None
+        elif not wanted:
+            self._unsubscribe()
 
     def close(self, reason: str) -> None:
         """Ends it. Messages that are under way are dropped.
@@ -63,23 +66,33 @@ class ToRos:
         Args:
             reason: Not used: a topic has nobody to tell it to.
         """
-        if self._subscriber is not None:
-            self._subscriber.undeclare()
+        self._unsubscribe()
         with self._guard:
             self._open = False
         self._node.destroy_publisher(self._publisher)
 
     def _subscribe(self) -> Any:
         key, qos = self._entry.key, self._entry.qos
+        self._newest = Newest(self._receive, qos.depth)
+        # On Zenoh's own thread; otherwise zenoh would queue any number of messages.
+        handler = Callback(self._newest.add, drop=None, indirect=False)
         if not qos.latched:
-            return self._session.declare_subscriber(key, self._receive)
+            return self._session.declare_subscriber(key, handler)
         return declare_advanced_subscriber(
             self._session,
             key,
-            self._receive,
+            handler,
             history=HistoryConfig(detect_late_publishers=True, max_samples=qos.depth),
             recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if qos.reliable else None,
         )
+
+    def _unsubscribe(self) -> None:
+        if self._subscriber is not None:
+            self._subscriber.undeclare()
+            self._subscriber = None
+        if self._newest is not None:
+            self._newest.close()
+            self._newest = None
 
     def _receive(self, sample: zenoh.Sample) -> None:
         payload = sample.payload.to_bytes()

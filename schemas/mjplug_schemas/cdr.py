@@ -28,7 +28,7 @@ _BYTE_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
 _set_fields_set, _set_extra, _set_private = (
     vars(BaseModel)[name].__set__ for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__")
 )
-# The end of the message may be padded to a multiple of 4.
+# Cyclone DDS pads messages with zeros to a multiple of 4. More is refused: it is a message of another type.
 _MOST_PADDING = 3
 
 

@@ -84,7 +84,7 @@ def bridge(tmp_path, ros_environment):
 
     yield bridge
     for each in bridges:
-        each.kill()
+        each.finish()
     for each in bridges:
         assert "Traceback" not in each.log.text, each.log.text
 

@@ -65,7 +65,16 @@ class Bridge:
         self.process.send_signal(number)
         return self.end()
 
-    def kill(self):
+    def finish(self):
+        """Ends it by SIGTERM, or by force if that does not help.
+
+        A participant of DDS that is killed stays in the graph until its lease has run out, and the next test would
+        call its services.
+        """
         if self.process.poll() is None:
-            self.process.kill()
-            self.process.wait()
+            self.process.terminate()
+            try:
+                self.process.wait(STOPPING)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()

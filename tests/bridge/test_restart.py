@@ -148,3 +148,14 @@ def test_signals_end_the_bridge_while_it_waits_and_while_it_works(bridge, serve,
 def bridge_ends(bridge, pattern, number):
     bridge.wait_for(pattern)
     return bridge.stop(number)
+
+
+def test_signals_that_repeat_while_the_bridge_closes_do_not_keep_it_from_its_end(bridge, sim):
+    sim.open_service("/go")
+    own = bridge(sim.endpoint)
+    own.wait_for("services are mapped")
+    while own.process.poll() is None:
+        own.process.send_signal(signal.SIGINT)
+        threading.Event().wait(0.002)
+    assert own.end() == 0
+    assert "Traceback" not in own.log.text

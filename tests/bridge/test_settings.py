@@ -72,6 +72,34 @@ def test_all_wrong_parameters_are_told_at_once(bridge):
 
 
 @ros_only
+def test_a_list_without_entries_is_a_list_without_entries(bridge, sim):
+    # `-p deny:=[]` is a parameter without a value to ROS.
+    own = bridge(sim.endpoint, deny=[], remap=[])
+    own.wait_for("/sim: 0 topics and 0 services are mapped")
+    assert own.stop() == 0
+
+
+@ros_only
+def test_without_an_endpoint_the_bridge_says_so_together_with_the_other_mistakes(bridge):
+    own = bridge(server="mjplug")
+    assert own.end() == 2
+    assert "connect: it must have an endpoint, such as tcp/127.0.0.1:7447" in own.log.text
+    assert "server: 'mjplug' is not a full ROS name" in own.log.text
+
+
+@ros_only
+@pytest.mark.parametrize(("given", "code"), [(600, 0), (0, 2), (True, 2), ("600", 2)])
+def test_a_time_may_be_an_integer_and_nothing_else_that_is_no_number(bridge, sim, given, code):
+    own = bridge(sim.endpoint, service_timeout=given)
+    if code == 0:
+        own.wait_for("/sim is there")
+        assert own.stop() == 0
+    else:
+        assert own.end() == code
+        assert "service_timeout: " in own.log.text
+
+
+@ros_only
 def test_an_endpoint_that_makes_no_sense_ends_the_bridge(bridge):
     own = bridge("nonsense")
     assert own.end() == 2

@@ -31,9 +31,9 @@ def test_the_bytes_of_a_topic_arrive_as_they_are(ros, zenoh_client):
     numbers = [int(String.from_cdr(payload).data.split("#")[1].split()[0]) for payload in arrived]
     assert numbers == list(range(numbers[0], numbers[0] + 5))
     payloads = []
-    while len(payloads) < 500 and (not payloads or payloads[-1] != arrived[-1]):
+    while len(payloads) < 500 and (not payloads or not same(arrived[-1], payloads[-1])):
         payloads.append(sent.sample().payload.to_bytes())
-    assert payloads[-5:] == arrived
+    assert all(same(*pair) for pair in zip(arrived, payloads[-5:], strict=True))
 
 
 def test_the_clock_arrives(ros):
@@ -79,7 +79,7 @@ def test_a_message_from_ros_is_put_once_with_its_type(ros, zenoh_client):
     payload = Twist(angular=Vector3(z=0.1)).to_cdr()
     ros.publisher("/probe/twist", "geometry_msgs/msg/Twist")(payload)
     sample = heard.sample()
-    assert sample.payload.to_bytes() == payload
+    assert same(sample.payload.to_bytes(), payload)
     assert str(sample.encoding) == "application/cdr;geometry_msgs/msg/Twist"
     state(zenoh_client)
     assert heard.drain() == []
@@ -120,11 +120,16 @@ def test_what_is_no_cdr_is_kept_from_ros(ros, zenoh_client, shared_bridge):
     genuine = String(data="fake?").to_cdr()
     zenoh_client.put("mujoco_heartbeat", genuine)
     payload = inbox.next()
-    while payload != genuine:
+    while not same(payload, genuine):
         assert b"fak" not in payload
         payload = inbox.next()
     shared_bridge.wait_for(r"WARN.*dropped a message on the key mujoco_heartbeat.*encoding is 'application/json'")
     assert shared_bridge.log.text.count("dropped a message") == 1
+
+
+def same(arrived, sent):
+    """Whether bytes are those that were sent, but for the zeros up to a multiple of 4 that some middlewares add."""
+    return arrived in (sent, sent + bytes(-len(sent) % 4))
 
 
 def state(client):

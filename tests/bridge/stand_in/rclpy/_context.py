@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 class Context:
     def __init__(self):
         self.ok = False
+        self.signalled = False
         self.parameters = {}
         self.topics = {}
         self._handlers = {}
@@ -67,6 +68,7 @@ class Context:
                 handler(kind, *data)
 
     def _signalled(self, number, frame):
+        self.signalled = True
         if self.ok:
             self.shutdown()
         if number == signal.SIGINT:

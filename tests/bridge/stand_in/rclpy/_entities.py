@@ -50,7 +50,8 @@ class Publisher(Entity):
             raise TypeError(f"Expected {self.msg_type}, got {type(msg)}")
         if not context.ok:
             raise RuntimeError("publisher's context is invalid")
-        context.send("publish", self.id, msg)
+        # Cyclone DDS gives a raw subscription the bytes with zeros up to a multiple of 4.
+        context.send("publish", self.id, msg + bytes(-len(msg) % 4))
 
     def get_subscription_count(self):
         self._check()

@@ -22,5 +22,10 @@ class InvalidParameterTypeException(ParameterException):
         super().__init__(f"Trying to set parameter '{parameter}' to a value that is not of type {expected}", parameter)
 
 
+class ParameterUninitializedException(ParameterException):
+    def __init__(self, parameter):
+        super().__init__("The parameter(s) was not initialized", parameter)
+
+
 class InvalidTopicNameException(Exception):
     pass

@@ -12,6 +12,10 @@ class ExternalShutdownException(Exception):
     pass
 
 
+class RCLError(RuntimeError):
+    """In rclpy, a class of its C++ part that no module of rclpy exports."""
+
+
 class SingleThreadedExecutor:
     def __init__(self, *, context=None):
         if context is not None:
@@ -50,6 +54,9 @@ class SingleThreadedExecutor:
         finally:
             self._spinning = None
         if not self._down:
+            # The real one raises either, depending on where in its loop the context is taken away.
+            if _context.signalled:
+                raise RCLError("failed to initialize wait set: the given context is not valid")
             raise ExternalShutdownException
 
     def shutdown(self, timeout_sec=None):

@@ -13,6 +13,7 @@ from rclpy.exceptions import (
     InvalidTopicNameException,
     ParameterAlreadyDeclaredException,
     ParameterNotDeclaredException,
+    ParameterUninitializedException,
 )
 from rclpy.qos import QoSProfile
 
@@ -66,6 +67,10 @@ class Node:
         if name in self._parameters:
             raise ParameterAlreadyDeclaredException(name)
         given = self._given.get(name, value)
+        if given == [] and name in self._given:
+            # The parser of ROS gives a list without entries no type, so the parameter is declared without a value.
+            self._parameters[name] = Parameter(name, None)
+            return self._parameters[name]
         if _kind(given) != _kind(value):
             raise InvalidParameterTypeException(name, _kind(value))
         self._parameters[name] = Parameter(name, given)
@@ -74,6 +79,8 @@ class Node:
     def get_parameter(self, name):
         if name not in self._parameters:
             raise ParameterNotDeclaredException(name)
+        if self._parameters[name].value is None:
+            raise ParameterUninitializedException(name)
         return self._parameters[name]
 
     def create_publisher(
