@@ -7,7 +7,9 @@ from typing import Any
 
 
 class Newest:
-    """Calls a function with each message, on a thread of its own; the oldest of more than `depth` that wait are dropped.
+    """Calls a function with each message, on a thread of its own.
+
+    While more than `depth` messages wait, the oldest are dropped.
 
     Args:
         handle: Gets each message.

@@ -54,16 +54,16 @@ class Bridge:
         assert found is not None, f"ended without a line with {pattern!r}:\n{self.log.text}"
         return found
 
-    def end(self):
+    def end(self, within=STARTING):
         """Waits until it ends by itself; returns the exit code."""
-        code = self.process.wait(STOPPING)
+        code = self.process.wait(within)
         self.log.wait_for_end()
         return code
 
     def stop(self, number=signal.SIGINT):
         """Sends a signal and returns the exit code."""
         self.process.send_signal(number)
-        return self.end()
+        return self.end(STOPPING)
 
     def finish(self):
         """Ends it by SIGTERM, or by force if that does not help.

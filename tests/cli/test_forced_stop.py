@@ -68,12 +68,14 @@ def test_a_service_handler_that_sleeps_is_named_and_the_client_gets_an_answer(ha
         ("Timing", "plugin instance 'culprit' in fire ("),
         ("Cleaning", "plugin instance 'culprit' in cleanup ("),
         ("Stepping", "the physics step in advance ("),
+        ("Parting", "the Zenoh session in close ("),
+        ("Delegating", "the worker process of 'culprit' in end ("),
         ("Remaining", "the thread 'remaining' in remain ("),
     ],
 )
 def test_what_hangs_is_named(hang, plugin, what, number):
     server = hang(plugin)
-    if plugin != "Cleaning":
+    if plugin in ("Timing", "Stepping", "Remaining"):
         server.err.wait_for("hanging", STARTING)
     if plugin == "Stepping":
         # It cannot say more than that the next step hangs.

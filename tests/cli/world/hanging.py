@@ -12,6 +12,7 @@ import time
 import mujoco
 
 from mjplug.plugin import Host, Parameters, Plugin, Work
+from mjplug.wire.session import WireSession
 from mjplug_schemas.std_srvs import Trigger
 
 
@@ -106,6 +107,16 @@ class Remaining(Plugin[Parameters]):
         threading.Event().wait()
 
 
+class Parting(Plugin[Parameters]):
+    """Makes the close of the Zenoh session hang."""
+
+    def init(self, host: Host, parameters: Parameters) -> None:
+        def close(self):
+            threading.Event().wait()
+
+        WireSession.close = close
+
+
 class Sleeping(Work):
     """Sleeps for as long as nobody kills its process."""
 
@@ -114,6 +125,16 @@ class Sleeping(Work):
 
     def perform(self, data, job):
         time.sleep(1e9)
+
+
+class Delegating(Plugin[Parameters]):
+    """Makes the end of its worker process hang."""
+
+    def init(self, host: Host, parameters: Parameters) -> None:
+        def end(self, until):
+            threading.Event().wait()
+
+        type(host.create_worker(Sleeping(), [])).end = end
 
 
 class Employing(Plugin[Parameters]):
