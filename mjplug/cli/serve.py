@@ -168,6 +168,7 @@ def _run(draft: "Draft", duration: float | None, watchdog: StopWatchdog | None, 
     from mjplug.wire.topic_rates import TopicRates
     from mjplug.worker.workers import ProcessWorkers
 
+    watchdog.describe = lambda: whereabouts({})
     manager = ServiceManager()
     ready = None if ready_file is None else ReadyFile(ready_file)
     zenoh = settings.zenoh
@@ -190,8 +191,14 @@ def _run(draft: "Draft", duration: float | None, watchdog: StopWatchdog | None, 
     server.loop.on_second.insert(0, rates.look)
     server.diagnostics.add("wire", WireHealth(network).diagnose)
     server.diagnostics.add("topics", rates.diagnose)
+
+    def leave(reason: str) -> None:
+        if ready is not None:
+            ready.remove()
+        network.close(reason)
+
     watchdog.describe = lambda: whereabouts(server.plugins)
-    watchdog.farewell = network.close
+    watchdog.farewell = leave
     watchdog.on_signal = lambda: server.loop.inbox.interrupt(server.loop.stop)
     server.on_stopping += [watchdog.begin, manager.stopping]
     endpoint, state = network.session.endpoint, _state(settings.sim)

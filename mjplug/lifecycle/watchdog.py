@@ -62,10 +62,14 @@ class StopWatchdog:
         self._lock = threading.Lock()
 
     def start(self) -> None:
-        """Begins to watch, until the process ends. Main thread only."""
+        """Begins to watch, until the process ends.
+
+        On another thread than the main one, Python allows no handling of signals; then only `begin` starts the time.
+        """
         self._reader.setblocking(False)
         self._writer.setblocking(False)
-        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        if threading.current_thread() is threading.main_thread():
+            signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
         with contextlib.suppress(OSError):
             # Without one, a stop is bounded as long as Python itself runs.
             self._overseer = Overseer(self._reader, _OVERSEER_TIME, FORCED_STOP)

@@ -12,6 +12,7 @@ from mjplug.core.loop import Loop
 from mjplug.core.simulation import Simulation
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.guard import Guard
+from mjplug.server import Server
 from mjplug.wire.session import WireSession
 from mjplug.worker.worker import ProcessWorker
 
@@ -61,6 +62,10 @@ def _part(frames: list[FrameType], plugins: Mapping[str, Plugin[Any]]) -> str:
                 return "the physics step"
             case Loop():
                 return "the physics loop"
+        if frame.f_code is Server._start.__code__:
+            return f"plugin instance {frame.f_locals['selected'].name!r}"
+        if frame.f_code is Server._clean_up.__code__:
+            return f"plugin instance {frame.f_locals['name']!r}"
     return "the server"
 
 

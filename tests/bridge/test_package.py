@@ -85,7 +85,7 @@ def test_the_script_that_ros2_run_starts_is_run_by_the_python_of_the_shell(
     environment = ros_environment | {"PYTHONPATH": path}
     parameters = {"connect": [sim.endpoint], "namespace": "/built"}
     own = Bridge(tmp_path, parameters, environment, command=(PYTHON, str(script)))
-    request.addfinalizer(own.kill)
+    request.addfinalizer(own.finish)
     own.wait_for("/sim: 0 topics and 1 services are mapped")
     assert own.stop() == 0
 

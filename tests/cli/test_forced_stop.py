@@ -1,12 +1,13 @@
 """A stop that hangs: the process ends all the same, its last line says what hung, and nothing is left behind."""
 
 import signal
+import subprocess
 import time
 from pathlib import Path
 
 import pytest
 from cli.conftest import WORLD
-from cli.process import STARTING
+from cli.process import COMMAND, FREE_PORT, STARTING, Lines, environment
 
 from mjplug.lifecycle import overseer_process
 from mjplug.lifecycle.watchdog import FORCED_STOP, STOP_TIME
@@ -84,6 +85,21 @@ def test_what_hangs_is_named(hang, plugin, what, number):
     assert f" and was ended: {what}" in ends(server)
 
 
+@pytest.mark.slow
+def test_a_plugin_that_never_returns_from_init_is_named():
+    command = [*COMMAND, "serve", "scene.xml", "--plugin", "hanging:Starting:culprit", *FREE_PORT]
+    server = subprocess.Popen(command, cwd=WORLD, env=environment(), stderr=subprocess.PIPE, text=True)
+    try:
+        log = Lines(server.stderr)
+        log.wait_for("hanging", STARTING)
+        server.send_signal(signal.SIGINT)
+        assert server.wait(ENDING) == FORCED_STOP
+        assert " and was ended: plugin instance 'culprit' in init (" in log.wait_for_end().splitlines()[-1]
+    finally:
+        server.kill()
+        server.wait()
+
+
 def test_a_call_that_keeps_the_gil_is_named_by_its_line(hang):
     server = hang("Hogging")
     server.err.wait_for("hanging", STARTING)
@@ -111,9 +127,10 @@ def test_a_second_signal_ends_a_server_that_hangs_at_once(hang, plugin, code):
     assert "was ended" not in server.err.text
 
 
-def test_a_forced_stop_leaves_no_process_and_no_file_of_shared_memory(hang):
+def test_a_forced_stop_leaves_no_process_and_no_file(hang, tmp_path):
     memory = {path.name for path in Path("/dev/shm").iterdir()}
-    server = hang("Employing")
+    ready = tmp_path / "ready.json"
+    server = hang("Employing", "--ready-file", str(ready))
     worker = int(server.err.wait_for(r"culprit: worker (\d+)", STARTING)[1])
     children = {
         int(pid)
@@ -123,6 +140,7 @@ def test_a_forced_stop_leaves_no_process_and_no_file_of_shared_memory(hang):
     }
     server.process.send_signal(signal.SIGTERM)
     assert "plugin instance 'culprit' in cleanup (" in ends(server)
+    assert not ready.exists()
     until = time.monotonic() + ENDING
     while left := [pid for pid in {worker, *children} if running(pid)]:
         assert time.monotonic() < until, left

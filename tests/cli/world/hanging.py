@@ -26,6 +26,15 @@ def announce():
     print("hanging", file=sys.stderr, flush=True)
 
 
+class Starting(Plugin[Parameters]):
+    """Hangs in `init`, in C."""
+
+    def init(self, host: Host, parameters: Parameters) -> None:
+        deafen()
+        announce()
+        ctypes.CDLL(None).pause()
+
+
 class Updating(Plugin[Parameters]):
     """Hangs in `update`, in Python."""
 
