@@ -44,7 +44,8 @@ class Command:
     @property
     def talks(self) -> bool:
         """Whether it needs a running server."""
-        return self.words[0] == "mjplug" and self.words[1] in ("topic", "service", "sim", "top")
+        connecting = self.words[1] in ("topic", "service", "sim", "top") or "--quick" in self.words
+        return self.words[0] == "mjplug" and connecting
 
     @property
     def serves(self) -> bool:
