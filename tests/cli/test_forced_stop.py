@@ -38,6 +38,7 @@ def forced(what):
     return f"error: the server did not stop within {STOP_TIME:g} s and was ended: {what} did not return"
 
 
+@pytest.mark.slow
 def test_a_plugin_that_never_returns_from_update_is_named_with_its_line(hang):
     server = hang("Updating")
     server.err.wait_for("hanging", STARTING)
@@ -109,6 +110,7 @@ def test_a_call_that_keeps_the_gil_is_named_by_its_line(hang):
     assert last.endswith(f'Python itself stood still, with the GIL kept in: File "{FILE}", line {line} in update')
 
 
+@pytest.mark.slow
 def test_a_hang_at_the_end_of_the_duration_is_bounded_too(hang):
     assert "plugin instance 'culprit' in cleanup (" in ends(hang("Cleaning", "--speed", "max", "--duration", "0.1"))
 
