@@ -13,10 +13,10 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say
-from mjplug.limits import LONGEST_TIME
 from mjplug.errors import ConfigError, MjplugError, UnknownName
 from mjplug.lifecycle.ending import QuickEnd
 from mjplug.lifecycle.watchdog import StopWatchdog
+from mjplug.limits import LONGEST_TIME
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
@@ -153,13 +153,13 @@ def _run(draft: "Draft", duration: float | None, watchdog: StopWatchdog | None, 
         Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
         say(f"ok · {summary}")
         return
-    from mjplug.rehearsal import rehearse
-    from mjplug.wire.encoding import Limits
     from mjplug.lifecycle.readiness import wait_until_ready
     from mjplug.lifecycle.ready_file import ReadyFile
     from mjplug.lifecycle.signals import stopping_on_signals
     from mjplug.lifecycle.systemd import ServiceManager
     from mjplug.lifecycle.whereabouts import whereabouts
+    from mjplug.rehearsal import rehearse
+    from mjplug.wire.encoding import Limits
     from mjplug.wire.health import WireHealth
     from mjplug.wire.network import open_network
     from mjplug.wire.rmw_zenoh.keys import RosSettings
