@@ -55,7 +55,7 @@ class Names:
         if rated and rated[0][0] >= _CLOSE:
             return rated[0][1]
         matcher = difflib.SequenceMatcher(b=wanted)
-        best = (_CLOSE, "")
+        best: tuple[float, str] = (_CLOSE, "")
         for _, other in rated[:_CLOSELY]:
             if len(other) * len(wanted) <= _LONGEST_PRODUCT:
                 matcher.set_seq1(other.casefold())

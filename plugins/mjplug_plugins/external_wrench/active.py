@@ -15,12 +15,16 @@ FEW = 16
 class ActiveWrenches:
     """The active wrenches in the order of their start, each with the id of its markers.
 
+    Attributes:
+        few: All of them if they are at most `FEW`, to be applied one by one; otherwise none, and `apply` does it.
+
     Args:
         model: The compiled model.
         data: The state that the wrenches act on.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.few: tuple[Wrench, ...] = ()
         self._timestep = float(model.opt.timestep)
         self._data = data
         self._ids: dict[Wrench, int] = {}
@@ -38,24 +42,21 @@ class ActiveWrenches:
         ids = range(self._next_id, self._next_id + len(wrenches))
         self._next_id = ids.stop
         self._ids.update(zip(wrenches, ids, strict=True))
+        self.few = tuple(self._ids) if len(self._ids) <= FEW else ()
         if self._table is not None:
             self._table.add(wrenches, ids)
 
     def remove(self, wrenches: Iterable[Wrench]) -> None:
         """Removes those of the wrenches that are active."""
         removed = [self._ids.pop(wrench) for wrench in wrenches if wrench in self._ids]
+        self.few = tuple(self._ids) if len(self._ids) <= FEW else ()
         if len(self._ids) <= FEW:
             self._table = None
         elif self._table is not None and removed:
             self._table.remove(removed)
 
     def apply(self, step: int) -> None:
-        """Adds the wrenches to `xfrc_applied` at the boundary after `step` steps; `xmat` must be current."""
-        if len(self._ids) <= FEW:
-            timestep = self._timestep
-            for wrench in self._ids:
-                wrench.apply((step - wrench.start) * timestep)
-            return
+        """Adds the sum of many to `xfrc_applied` at the boundary after `step` steps; `xmat` must be current."""
         if self._table is None:
             self._table = _Table(self._data, self._timestep)
             self._table.add(list(self._ids), list(self._ids.values()))

@@ -42,6 +42,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
     def init(self, host: Host, parameters: ExternalWrenchParameters) -> None:
         """Declares the service and the markers."""
         self._host = host
+        self._kinematics = host.kinematics
         self._parameters = parameters
         self._active = ActiveWrenches(host.model, host.data)
         self._shown: dict[Wrench, int] = {}
@@ -53,10 +54,14 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
 
     def update(self) -> None:
         """Adds the active wrenches to `xfrc_applied`, at the poses of this very step."""
-        host = self._host
-        host.kinematics()
-        step = host.step
-        self._active.apply(step)
+        self._kinematics()
+        step, active = self._host.step, self._active
+        if active.few:
+            timestep = self._timestep
+            for wrench in active.few:
+                wrench.apply((step - wrench.start) * timestep)
+        else:
+            active.apply(step)
         if step >= self._next_markers:
             self._show()
 
