@@ -1,13 +1,22 @@
 """The commands of the page on security make certificates with which a server and a client find each other."""
 
+import queue
 import shutil
 import subprocess
+from contextlib import closing
 
 import pytest
+import zenoh
 from docs.markdown import blocks_of
 from docs.terminal import Command, Reader
+from wire.conftest import client_config
 
 from mjplug.client import NoServerError, connect
+from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.wire.network import open_network
+from mjplug.wire.session import SessionSettings
+from mjplug_schemas.std_msgs import Float64
+from mjplug_schemas.std_srvs import Trigger
 
 PAGE = "security.md"
 
@@ -54,3 +63,27 @@ def test_a_client_with_the_authority_gets_in_by_tls_and_one_without_does_not(rea
         assert client.call("~/set_pause", paused=True).success
     with pytest.raises(NoServerError):
         connect(server.endpoint, timeout=0)
+
+
+def test_the_limits_of_zenoh_hold_for_each_client_by_itself(reader):
+    settings = SessionSettings(listen=("tcp/127.0.0.1:0",), config=reader.folder / "limits.json5")
+    with closing(open_network(settings, "/mjplug")) as network:
+        arrived = queue.SimpleQueue()
+        network.open_subscription(Topic("/target", Float64, QoS(depth=1000)), lambda message: arrived.put(message.data))
+        network.open_service(
+            ServiceName("/go", Trigger), lambda call: call.respond(Trigger.Response(success=True, message="went"))
+        )
+        with zenoh.open(client_config(network.session.endpoint)) as greedy, connect(network.session.endpoint) as modest:
+            modest.publisher("/target").wait_for_subscriber(10.0)
+            payload = Float64(data=1.0).to_cdr()
+            for _ in range(3000):
+                greedy.put("target", payload, congestion_control=zenoh.CongestionControl.BLOCK)
+            modest.publish("/target", Float64(data=2.0))
+            got = 0
+            while arrived.get(timeout=10.0) == 1.0:
+                got += 1
+            # Without limits, all 3000.
+            assert got < 2900
+            greedy.put("target", payload + bytes(300_000), congestion_control=zenoh.CongestionControl.BLOCK)
+            assert modest.call("/go").message == "went"
+        assert network.refused() == {"/target": 0, "/go": 0}
