@@ -104,7 +104,7 @@ def test_a_request_of_another_definition_is_refused_and_not_decoded(new_ros_netw
     )
     assert Attachment.from_bytes(bytes(reply.ok.attachment)).sequence_number == 7
     assert calls == []
-    assert network.refused() == {"/set": 1}
+    assert network.refused()["/set"] == 1
 
 
 def test_a_client_that_leaves_the_hash_open_gets_ours(network, client):
