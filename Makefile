@@ -4,7 +4,7 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 RUN := .venv/bin
 READY := .venv/.ready
 export UV_PYTHON_DOWNLOADS := never
-# How many processes share the tests. Tests wait more than they compute, but each server that they start computes too.
+# How many processes share the tests, a module at a time: the tests of a module share servers and folders.
 TEST_PROCESSES ?= auto
 
 .PHONY: help setup demo serve test test-slow check format bench fuzz soak docs docs-test clean
@@ -36,7 +36,7 @@ serve: $(READY) ## Serves the first example until Ctrl-C.
 	@$(RUN)/mjplug serve examples/00_push_a_box/config.yaml
 
 test: $(READY) ## All tests but the slow ones.
-	@$(RUN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist loadgroup
+	@$(RUN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist loadfile
 
 test-slow: $(READY) ## The slow tests alone.
 	@$(RUN)/python -m pytest -m slow

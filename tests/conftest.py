@@ -64,14 +64,6 @@ def arm_model():
     return mujoco.MjModel.from_xml_string(ARM)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Says which tests one process of a parallel run takes together: those that share a server or a folder."""
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-
-
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport():
     """Keeps undecodable characters out of reports, which a process of a parallel run could not send."""

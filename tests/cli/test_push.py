@@ -152,7 +152,7 @@ def test_one_unknown_body_refuses_the_whole_request(world):
     )
     assert push.answer().json == {
         "success": False,
-        "message": "external_wrenches[1]: unknown body 'link_c', did you mean 'link_b'?; "
+        "message": "external_wrenches[1]: unknown body 'link_c', did you mean 'link_a'?; "
         "known: base_link, door, hand, link_a, link_b, post, world; nothing was applied",
     }
     world.step(5)

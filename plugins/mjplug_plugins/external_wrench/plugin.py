@@ -70,7 +70,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         if len(self._active) + len(messages) > MOST_WRENCHES:
             raise RequestError(
                 f"{len(self._active)} wrenches act already and {len(messages)} more were asked for; "
-                f"at most {MOST_WRENCHES} may act at a time"
+                f"at most {MOST_WRENCHES} may act at a time; nothing was applied"
             )
         wrenches = [self._parse(i, message) for i, message in enumerate(messages)]
         wait = call.parameters.get("wait", "true")
