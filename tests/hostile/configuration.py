@@ -131,7 +131,7 @@ def _child(seed, indices, writer):
 
 
 def run_batch(tally, seed, indices):
-    """Runs some inputs in a child; returns those that are left when it died, without the one that it died of."""
+    """Runs some inputs in a child; returns those that are left when it died, without the one that is to blame."""
     reader, writer = os.pipe()
     sys.stdout.flush()
     child = os.fork()
@@ -164,16 +164,27 @@ def run_batch(tally, seed, indices):
     if begun is None:
         tally.find(indices[0], f"the child ended with {os.waitstatus_to_exitcode(status)} before its first input")
         return []
+    code = os.waitstatus_to_exitcode(status)
+    if begun != indices[0]:
+        # A model for which the memory does not suffice can leave MuJoCo such that it never ends with the next one. The
+        # server compiles one model only, so what counts is how this input ends in a new process.
+        tally.count("begun again in a new process")
+        print(f"again: seed {seed}, input {begun}: {_ending(code)} after other inputs", flush=True)
+        return [index for index in indices if index >= begun]
     tally.inputs += 1
-    _judge_crash(tally, seed, begun, os.waitstatus_to_exitcode(status))
-    return [index for index in indices if index > begun]
+    _judge_crash(tally, seed, begun, code)
+    return indices[1:]
+
+
+def _ending(code):
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
 
 def _judge_crash(tally, seed, index, code):
     """Counts a crash as MuJoCo's if a process with MuJoCo alone crashes on the same model."""
     with tempfile.TemporaryDirectory() as folder:
         name = write_input(seed, index, Path(folder))
-        by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        by = _ending(code)
         if name.startswith("model"):
             bare = subprocess.run(
                 ["prlimit", f"--as={MOST_MEMORY}", f"--cpu={MOST_CPU // 2}", sys.executable, "-c", BARE, name],
