@@ -68,7 +68,7 @@ class World:
         return self.client.request(f"external_wrench/apply_wrench{parameters}", **request)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def standing():
     server = Served(
         "scene.xml", "--paused", "--plugin", "external_wrench", "--plugin", "heartbeat",
@@ -88,7 +88,7 @@ def world(standing):
     return standing
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def attacked():
     """A server that runs in real time: it has something to lose."""
     server = Served(
@@ -121,7 +121,7 @@ def target(attacked):
     assert attacked.client.do("mjplug/set_pause", paused=False) == "the simulation is now running"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def touring(tmp_path_factory):
     tour = Tour(tmp_path_factory.mktemp("tour"))
     yield tour
