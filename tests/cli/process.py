@@ -1,5 +1,6 @@
 """Runs the command line in a process of its own."""
 
+import contextlib
 import os
 import re
 import signal
@@ -97,6 +98,13 @@ class Lines:
             self._changed.notify_all()
 
 
+def _is_worker(pid):
+    try:
+        return b"mjplug.worker" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+
+
 class Served:
     """A running `mjplug serve`."""
 
@@ -123,6 +131,16 @@ class Served:
     @property
     def running(self):
         return self.process.poll() is None
+
+    @property
+    def workers(self):
+        """The ids of its worker processes; it has another child, which sees to its end."""
+        found = set()
+        for children in Path(f"/proc/{self.process.pid}/task").glob("*/children"):
+            # A thread may end meanwhile.
+            with contextlib.suppress(OSError):
+                found |= {int(pid) for pid in children.read_text().split() if _is_worker(pid)}
+        return found
 
     def stop(self, number=signal.SIGINT, within=STOPPING):
         """Sends a signal and returns the exit code."""

@@ -58,6 +58,7 @@ class LocalInquiry:
         self.received = Received(payload, None if needs_response else encoding_of(given.encoding), only)
         self.parameters = dict(pair.partition("=")[::2] for pair in given.parameters.split(";") if pair)
         self.needs_response = needs_response
+        self.size = len(given.payload or b"") + len(given.parameters)
         self.given = given
         self.answers = []
 

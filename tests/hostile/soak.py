@@ -92,7 +92,7 @@ class Load(threading.Thread):
         self.ended.wait(0.02)
 
     def _kill_worker(self):
-        for pid in children(self._server.process.pid)[:1]:
+        for pid in sorted(self._server.workers)[:1]:
             os.kill(pid, signal.SIGKILL)
             self._tally.count("worker kills")
 

@@ -78,8 +78,7 @@ class Attack:
     @property
     def workers(self):
         """The ids of the worker processes."""
-        paths = Path(f"/proc/{self.server.process.pid}/task").glob("*/children")
-        found = {int(child) for path in paths for child in path.read_text().split()}
+        found = self.server.workers
         for pid in found:
             self.seen.setdefault(pid, time.monotonic())
         return found

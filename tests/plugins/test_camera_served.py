@@ -48,8 +48,7 @@ def serve(tmp_path):
 
 def worker_of(server):
     """The id of the server's worker process."""
-    children = Path(f"/proc/{server.process.pid}/task").glob("*/children")
-    (worker,) = {int(child) for path in children for child in path.read_text().split()}
+    (worker,) = server.workers
     return worker
 
 
