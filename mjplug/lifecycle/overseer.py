@@ -26,6 +26,9 @@ _SIG_IGN = 1
 class Overseer:
     """The process, and the pipes to it.
 
+    Attributes:
+        pid: Its number.
+
     Args:
         signals: The socket with the signals' numbers.
         seconds: Time from the first signal, or from `begin`, to the forced end [s].
@@ -52,9 +55,9 @@ class Overseer:
         faulthandler.register(_DUMP_SIGNAL, self._dump, all_threads=True, chain=False)
         descriptors = (signals.fileno(), control_reader, dump_reader)
         thread = threading.main_thread().ident
-        numbers = (*descriptors, os.getpid(), thread, seconds, _DUMP_SIGNAL, exit_code)
+        numbers = (os.getpid(), seconds, *descriptors, thread, _DUMP_SIGNAL, exit_code)
         try:
-            self._process = subprocess.Popen(
+            process = subprocess.Popen(
                 # Without site-packages: it needs the standard library alone, and starts in 10 ms.
                 [sys.executable, "-I", "-S", str(_PROGRAM), *map(str, numbers)],
                 stdin=subprocess.DEVNULL,
@@ -66,6 +69,9 @@ class Overseer:
         finally:
             os.close(control_reader)
             os.close(dump_reader)
+        self.pid = process.pid
+        # Kept, since Python warns of a process that is forgotten while it runs.
+        self._process = process
 
     def begin(self) -> None:
         """Says that the server is about to end."""

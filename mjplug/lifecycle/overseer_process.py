@@ -4,11 +4,13 @@ import os
 import re
 import select
 import signal
+import socket
 import sys
 import time
+from dataclasses import dataclass
 
 _STEP = 0.1
-"""Pause between two looks at a signal's number that nobody has taken [s]."""
+"""Pause between two looks at the number of a signal that stops nothing, and that nobody has taken yet [s]."""
 
 _DUMP_TIME = 0.3
 """Time for the server to write down where its threads are [s]."""
@@ -16,88 +18,77 @@ _DUMP_TIME = 0.3
 _EXIT_TIME = 0.2
 """Time for the server to end by itself after the signal for it [s]."""
 
+_STOPPING = {signal.SIGINT, signal.SIGTERM}
 
-class Overseer:
-    """Waits for a stop, and ends the server if it takes too long.
 
-    Args:
-        signals: Descriptor of the socket to which the numbers of signals are written.
-        control: Descriptor that gives a byte when the server is about to end.
-        dump: Descriptor that gives where the threads of the server are, after `dump_signal`.
-        pid: The server.
+@dataclass(frozen=True, slots=True)
+class Server:
+    """The server, as this process sees it.
+
+    Attributes:
+        process: A pidfd, which becomes readable when the server has ended, however it ended. It means this process
+            for ever, while another one may get the server's number.
+        signals: The socket to which the C part of the server's signal handling writes the numbers of signals.
+        control: A pipe that gives a byte when the server is about to end.
+        dump: A pipe that gives where the threads of the server are, after `dump_signal`.
         thread: Its physics thread, as Python numbers threads.
-        seconds: Time from the beginning of a stop to the forced end [s].
         dump_signal: Signal at which the server writes to `dump`.
         exit_signal: Signal at which it ends.
     """
 
-    def __init__(
-        self,
-        signals: int,
-        control: int,
-        dump: int,
-        pid: int,
-        thread: int,
-        seconds: float,
-        dump_signal: int,
-        exit_signal: int,
-    ) -> None:
-        self._signals, self._control, self._dump = signals, control, dump
-        self._pid, self._thread = pid, thread
-        self._seconds = seconds
-        self._dump_signal, self._exit_signal = dump_signal, exit_signal
-        self._server = os.pidfd_open(pid)
-        self._deadline = float("inf")
-        self._begun = False
+    process: int
+    signals: socket.socket
+    control: int
+    dump: int
+    thread: int
+    dump_signal: int
+    exit_signal: int
 
-    def run(self) -> None:
-        """Returns when the server has ended."""
-        while not self._ended(0.0):
-            now = time.monotonic()
-            if now >= self._deadline:
-                self._end_server()
-                return
-            self._look(now)
+    def begins_to_stop(self) -> bool:
+        """Waits until the server begins to stop; returns False if it has ended."""
+        while True:
+            ready = select.select([self.process, self.control, self.signals], [], [])[0]
+            if self.process in ready:
+                return False
+            if self.control in ready:
+                # Without a byte, this is the end of the pipe, and so of the server.
+                return bool(os.read(self.control, 1))
+            try:
+                # Only looked at: the server takes it, if Python runs.
+                waiting = self.signals.recv(64, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                continue
+            if _STOPPING & set(waiting):
+                return True
+            time.sleep(_STEP)
 
-    def _look(self, now: float) -> None:
-        """Waits for news, and sets or clears the deadline."""
-        waiting = self._poll(self._signals, 0.0)
-        if not self._begun:
-            # A number that the server has taken after all is the server's business.
-            self._deadline = min(self._deadline, now + self._seconds) if waiting else float("inf")
-        timeout = None if self._deadline == float("inf") else max(0.0, self._deadline - now)
-        watched = [self._server] if self._begun else [self._server, self._control]
-        if waiting:
-            timeout = min(_STEP, timeout or 0.0)
-        elif not self._begun:
-            watched.append(self._signals)
-        ready = select.select(watched, [], [], timeout)[0]
-        if self._control in ready and os.read(self._control, 1):
-            self._begun = True
-            self._deadline = min(self._deadline, time.monotonic() + self._seconds)
+    def ended(self, within: float) -> bool:
+        """Waits until the server has ended, or for a time [s]; returns whether it has."""
+        return _readable(self.process, within)
 
-    def _end_server(self) -> None:
-        os.kill(self._pid, self._dump_signal)
+    def end(self, seconds: float) -> None:
+        """Ends it, and says where it hung.
+
+        Args:
+            seconds: How long its stop has taken [s].
+        """
+        signal.pidfd_send_signal(self.process, self.dump_signal)
         text = b""
-        while self._poll(self._dump, _DUMP_TIME):
-            text += os.read(self._dump, 65536)
+        while _readable(self.dump, _DUMP_TIME) and (part := os.read(self.dump, 65536)):
+            text += part
         sentence = (
-            f"error: the server did not stop within {self._seconds:g} s and was ended: Python itself stood still, "
-            f"{place(text.decode(errors='replace'), self._thread)}\n"
+            f"error: the server did not stop within {seconds:g} s and was ended: Python itself stood still, "
+            f"{place(text.decode(errors='replace'), self.thread)}\n"
         )
         # Standard error may be a pipe that nobody reads.
         if select.select([], [2], [], _DUMP_TIME)[1]:
             os.write(2, sentence.encode()[: select.PIPE_BUF])
-        for number in (self._exit_signal, signal.SIGKILL):
-            os.kill(self._pid, number)
-            if self._ended(_EXIT_TIME):
+        # The first one leaves the exit code, and ends also the first process of a container, which SIGKILL from inside
+        # does not; the second one ends a process that is stopped.
+        for number in (self.exit_signal, signal.SIGKILL):
+            signal.pidfd_send_signal(self.process, number)
+            if self.ended(_EXIT_TIME):
                 return
-
-    def _ended(self, within: float) -> bool:
-        return self._poll(self._server, within)
-
-    def _poll(self, descriptor: int, within: float) -> bool:
-        return bool(select.select([descriptor], [], [], within)[0])
 
 
 def place(dump: str, thread: int) -> str:
@@ -115,20 +106,37 @@ def place(dump: str, thread: int) -> str:
     return "after its last line of Python: a library did not end"
 
 
+def _readable(descriptor: int, within: float) -> bool:
+    return bool(select.select([descriptor], [], [], within)[0])
+
+
+def main(pid: int, seconds: float, signals: int, control: int, dump: int, *rest: int) -> None:
+    """Ends the server if it takes too long to stop; returns when the server has ended.
+
+    Args:
+        pid: The server.
+        seconds: Time from the beginning of a stop to the forced end [s].
+        signals: The descriptors and numbers of `Server`.
+        control: As above.
+        dump: As above.
+        rest: `thread`, `dump_signal`, `exit_signal`.
+    """
+    # Whoever stops the server may send the same signal to this process, which is needed until the server has ended.
+    for number in (*_STOPPING, signal.SIGHUP, signal.SIGTTOU):
+        signal.signal(number, signal.SIG_IGN)
+    process = os.pidfd_open(pid)
+    if os.getppid() != pid:
+        # The server has ended meanwhile, and its number may be another process's by now.
+        return
+    server = Server(process, socket.socket(fileno=signals), control, dump, *rest)
+    if server.begins_to_stop() and not server.ended(seconds):
+        server.end(seconds)
+
+
 if __name__ == "__main__":
-    signals, control, dump, pid, thread, seconds, dump_signal, exit_signal = sys.argv[1:]
+    pid, seconds, *rest = sys.argv[1:]
     try:
-        overseer = Overseer(
-            int(signals),
-            int(control),
-            int(dump),
-            int(pid),
-            int(thread),
-            float(seconds),
-            int(dump_signal),
-            int(exit_signal),
-        )
-        overseer.run()
+        main(int(pid), float(seconds), *map(int, rest))
     except ProcessLookupError:
         # The server has ended meanwhile.
         sys.exit(0)

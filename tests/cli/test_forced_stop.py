@@ -9,7 +9,6 @@ import pytest
 from cli.conftest import WORLD
 from cli.process import COMMAND, FREE_PORT, STARTING, Lines, environment
 
-from mjplug.lifecycle import overseer_process
 from mjplug.lifecycle.watchdog import FORCED_STOP, STOP_TIME
 
 ENDING = 15.0
@@ -178,14 +177,3 @@ def command(folder):
         return (folder / "cmdline").read_text()
     except OSError:
         return ""
-
-
-def test_the_overseer_finds_the_physics_thread_in_what_faulthandler_writes():
-    dump = (
-        'Thread 0x00007f0000000001 (most recent call first):\n  File "/a.py", line 1 in wait\n\n'
-        "Current thread 0x00007f0000000002 (most recent call first):\n"
-        '  File "/b.py", line 22 in spin\n  File "/c.py", line 3 in run\n'
-    )
-    assert overseer_process.place(dump, 0x7F0000000002) == 'with the GIL kept in: File "/b.py", line 22 in spin'
-    assert overseer_process.place(dump, 0x7F0000000003) == "after its last line of Python: a library did not end"
-    assert overseer_process.place("", 1) == "after its last line of Python: a library did not end"
