@@ -1,34 +1,21 @@
 """`mjplug serve`: from a configuration file or a model to a running server."""
 
 import json
-import logging
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say
-from mjplug.errors import ConfigError, MjplugError, UnknownName
+from mjplug.errors import ConfigError, MjplugError
 from mjplug.lifecycle.ending import QuickEnd
 from mjplug.lifecycle.watchdog import StopWatchdog
 from mjplug.limits import LONGEST_TIME
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
-    from mjplug.config.draft import Draft
     from mjplug.config.load import Option
-    from mjplug.config.settings import Sim
-    from mjplug.core.simulation import Simulation
-
-PATIENCE = 2.0
-"""How long a model may compile before the user is told that it still does [s]."""
-
-_log = logging.getLogger(__name__)
 
 
 def serve(
@@ -90,6 +77,7 @@ def serve(
     ending = QuickEnd()
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
+    from mjplug import serving
     from mjplug.cli.exit_codes import exit_code
     from mjplug.config.load import Option, read
 
@@ -106,12 +94,14 @@ def serve(
     with logging_to_stderr(-1 if quiet else verbose):
         draft = read(config, model=model, sets=sets)
         if check:
-            _run(draft, duration, None)
+            world = serving.prepare(draft)
+            serving.check(world)
+            say(f"ok · {world.summary}")
             return
         watchdog = StopWatchdog()
         watchdog.start()
         try:
-            _run(draft, duration, watchdog, ready_file)
+            serving.serve(serving.prepare(draft), duration, watchdog, ready_file, typer.echo)
             ending.code = 0
         except MjplugError as error:
             ending.code = exit_code(error)
@@ -121,110 +111,6 @@ def serve(
             watchdog.begin()
 
 
-def _run(draft: "Draft", duration: float | None, watchdog: StopWatchdog | None, ready_file: Path | None = None) -> None:
-    """Runs a server; without a watchdog, it only checks whether one could run."""
-    from mjplug.core import process
-    from mjplug.core.model_file import load_model
-    from mjplug.core.simulation import Simulation
-    from mjplug.plugin.selection import select
-    from mjplug.server import Server
-    from mjplug.starting_pose import take_starting_pose
-
-    loaded, plugins = select(draft)
-    settings = loaded.settings
-    for warning in loaded.warnings:
-        # A problem has several lines, and has escaped what it quotes.
-        _log.warning("%s", warning, extra={"printable": True})
-    process.tame_mujoco()
-    with _progress(f"compiling {settings.model}"):
-        model = load_model(settings.model, *loaded.folders(("model",)))
-    try:
-        simulation = Simulation(model.model, settings.sim.keyframe)
-    except UnknownName as error:
-        raise ConfigError([loaded.problem(("sim", "keyframe"), str(error))]) from error
-    take_starting_pose(simulation, loaded)
-    if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
-        _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
-    names = ", ".join(p.name for p in plugins) or "none"
-    summary = f"model {model.name} ({_size(simulation)}) · plugins: {names}"
-    from mjplug.offline import OfflineTransport, OfflineWorkers
-
-    if watchdog is None:
-        Server(settings, simulation, OfflineTransport(), plugins, OfflineWorkers(), model.path).cleanup()
-        say(f"ok · {summary}")
-        return
-    from mjplug.lifecycle.readiness import wait_until_ready
-    from mjplug.lifecycle.ready_file import ReadyFile
-    from mjplug.lifecycle.signals import stopping_on_signals
-    from mjplug.lifecycle.systemd import ServiceManager
-    from mjplug.lifecycle.whereabouts import whereabouts
-    from mjplug.rehearsal import rehearse
-    from mjplug.wire.encoding import Limits
-    from mjplug.wire.health import WireHealth
-    from mjplug.wire.network import open_network
-    from mjplug.wire.rmw_zenoh.keys import RosSettings
-    from mjplug.wire.secured import secured
-    from mjplug.wire.session import SessionSettings
-    from mjplug.wire.topic_rates import TopicRates
-    from mjplug.worker.workers import ProcessWorkers
-
-    watchdog.describe = lambda: whereabouts({})
-    manager = ServiceManager()
-    ready = None if ready_file is None else ReadyFile(ready_file)
-    zenoh = settings.zenoh
-    wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, loaded.path(("zenoh", "config")))
-    name = f"{settings.namespace}/{settings.node_name}"
-    ros2 = None
-    if settings.ros2.enabled:
-        ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro)
-    wanted = secured(wanted, lambda: rehearse(loaded, simulation.model, plugins, model.path, name, ros2))
-    limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
-    network = open_network(wanted, name, limits, ros2=ros2)
-    workers = ProcessWorkers(wanted, network.session.endpoints)
-    try:
-        server = Server(settings, simulation, network, plugins, workers, model.path)
-    except BaseException:
-        workers.close()
-        network.close("the server could not start")
-        raise
-    rates = TopicRates(network, perf_counter())
-    server.loop.on_second.insert(0, rates.look)
-    server.diagnostics.add("wire", WireHealth(network).diagnose)
-    server.diagnostics.add("topics", rates.diagnose)
-
-    def leave(reason: str) -> None:
-        if ready is not None:
-            ready.remove()
-        network.close(reason)
-
-    watchdog.describe = lambda: whereabouts(server.plugins)
-    watchdog.farewell = leave
-    watchdog.on_signal = lambda: server.loop.inbox.interrupt(server.loop.stop)
-    server.on_stopping += [watchdog.begin, manager.stopping]
-    endpoint, state = network.session.endpoint, _state(settings.sim)
-    with stopping_on_signals(server.loop):
-        try:
-            if wait_until_ready(server.loop, network):
-                typer.echo(f"ready · {endpoint} · {summary} · {state}")
-                if ready is not None:
-                    ready.write(endpoint, f"{settings.namespace}/{settings.node_name}")
-                manager.ready(f"{endpoint} · {summary} · {state}", server.loop.inbox)
-            server.run(duration)
-        finally:
-            # Inside, so that a repeated signal cannot cut the last answers off.
-            if ready is not None:
-                ready.remove()
-            workers.close()
-            network.close("the server is stopping")
-    _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
-
-
-def _state(sim: "Sim") -> str:
-    if sim.paused:
-        return "paused"
-    return "speed max" if sim.speed == "max" else f"speed {sim.speed:g}"
-
-
 def _endpoints(name: str, given: list[str]) -> "Option":
     from mjplug.config.load import Option
 
@@ -232,8 +118,6 @@ def _endpoints(name: str, given: list[str]) -> "Option":
 
 
 def _zenoh_config(file: str) -> "Option":
-    from pathlib import Path
-
     from mjplug.config.load import Option
 
     # Absolute, since a name in the configuration counts from the folder of its file.
@@ -268,20 +152,3 @@ def _plugins(wanted: list[str]) -> "list[str | Option]":
             )
         sets[name] = Option(f"--plugin {text}", f"plugins.{name}.type={json.dumps(kind)}")
     return list(sets.values())
-
-
-def _size(simulation: "Simulation") -> str:
-    model = simulation.model
-    bodies = "1 body" if model.nbody == 2 else f"{model.nbody - 1} bodies"
-    return f"{bodies}, {model.nv} DOFs, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[None]:
-    """Says after a while that something still goes on."""
-    timer = threading.Timer(PATIENCE, _log.info, (f"{what} ...",))
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()

@@ -47,7 +47,7 @@ class Server:
     def begins_to_stop(self) -> bool:
         """Waits until the server begins to stop; returns False if it has ended."""
         while True:
-            ready = select.select([self.process, self.control, self.signals], [], [])[0]
+            ready = select.select([self.process, self.control, self.signals.fileno()], [], [])[0]
             if self.process in ready:
                 return False
             if self.control in ready:
