@@ -22,29 +22,20 @@ def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | 
         endpoint: Where a server listens; by default as for every command.
     """
     try:
-        chosen = endpoint or os.environ.get("MJPLUG_CONNECT") or "tcp/127.0.0.1:7447"
-        offered = {str(entry["name"]) for server in _servers(chosen) for entry in server[kind]}
+        chosen = endpoint or os.environ.get("MJPLUG_CONNECT")
+        offered = {str(entry["name"]) for server in _servers(chosen or None) for entry in server[kind]}
     except Exception:
         # Nothing may come between a user and the prompt.
         return []
     return sorted(name for name in offered if name.startswith(begin) and _NAME.fullmatch(name))
 
 
-def _servers(endpoint: str) -> Iterator[dict[str, Any]]:
+def _servers(endpoint: str | None) -> Iterator[dict[str, Any]]:
     import zenoh
 
-    config = zenoh.Config()
-    settings = {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
-        "connect/timeout_ms": _PATIENCE_MS,
-        "transport/unicast/open_timeout": _PATIENCE_MS,
-        "scouting/multicast/enabled": False,
-        "transport/shared_memory/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    with zenoh.open(config) as session:
+    from mjplug.cli.light_session import light_session
+
+    with light_session(endpoint, patience_ms=_PATIENCE_MS) as session:
         for reply in session.get("**/interfaces", target=zenoh.QueryTarget.ALL, timeout=_PATIENCE_MS / 1e3):
             if reply.ok is not None:
                 yield json.loads(reply.ok.payload.to_bytes())

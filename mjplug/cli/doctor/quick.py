@@ -1,11 +1,20 @@
-"""Whether a server is healthy, in one sentence: for health checks of containers and service managers."""
+"""Whether a server is healthy, in one sentence: for health checks of containers and service managers.
 
+A health check runs every few seconds, so it does not import the Python client while all is well.
+"""
+
+import json
+import queue
 from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from mjplug.cli.connected import client
 from mjplug.cli.output import complain, say
+
+if TYPE_CHECKING:
+    import zenoh
 
 TIMEOUT = 3.0
 """How long a server may take to answer [s]; it takes milliseconds."""
@@ -28,20 +37,72 @@ def check_quickly(endpoint: str | None, server: str, zenoh_config: str | None, t
         TimedOutError: It does not answer.
         Exit: It reports errors; the exit code is 1.
     """
-    from mjplug.client import request
-    from mjplug_schemas.diagnostic_msgs import DiagnosticArray
-    from mjplug_schemas.std_srvs import Trigger
+    import zenoh
 
+    from mjplug.cli.light_session import announced, light_session
+
+    try:
+        with light_session(endpoint, zenoh_config) as session:
+            names = [name for name in announced(session) if server.removeprefix("/") in ("", name[1:])]
+            if len(names) == 1:
+                _ask(session, names[0], timeout)
+                return
+    except (zenoh.ZError, OSError):
+        # Nobody is there, or the file cannot be used.
+        pass
+    # The client says what is wrong, and takes its time.
     with client(endpoint, server, zenoh_config) as connected:
-        name = connected.server.name
-        service = connected.service(f"{name}/get_diagnostics")
-        began = perf_counter()
-        response = request.send(connected.session, service, Trigger.Request(), Trigger, timeout)
-        took = perf_counter() - began
-    said = DiagnosticArray.from_json(response.message)
-    errors = [f"{status.name}: {status.message}" for status in said.status if status.level == _ERROR]
+        _ask(connected.session, connected.server.name, timeout)
+
+
+def _ask(session: "zenoh.Session", name: str, timeout: float) -> None:
+    began = perf_counter()
+    status = _diagnostics(session, name, timeout)
+    took = perf_counter() - began
+    errors = [f"{entry['name']}: {entry['message']}" for entry in status["status"] if entry["level"] == _ERROR]
     if errors:
         complain(f"unhealthy: {name} reports {'; '.join(errors)}")
         raise typer.Exit(1)
-    time = said.header.stamp.sec + said.header.stamp.nanosec / 1e9
+    stamp = status["header"]["stamp"]
+    time = stamp["sec"] + stamp["nanosec"] / 1e9
     say(f"healthy: {name} answered after {took * 1e3:.1f} ms, at t = {time:.3f} s")
+
+
+def _diagnostics(session: "zenoh.Session", name: str, timeout: float) -> Any:
+    """Returns a diagnostic_msgs/msg/DiagnosticArray as nested dictionaries."""
+    import zenoh
+    from zenoh.handlers import Callback
+
+    service = f"{name}/get_diagnostics"
+    replies: queue.SimpleQueue[zenoh.Reply | None] = queue.SimpleQueue()
+    session.get(
+        service[1:],
+        Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
+        payload=b"{}",
+        encoding=zenoh.Encoding.APPLICATION_JSON,
+        # Ours ends the wait first.
+        timeout=timeout + 1.0,
+    )
+    try:
+        reply = replies.get(timeout=timeout)
+    except queue.Empty:
+        from mjplug.client import TimedOutError
+
+        raise TimedOutError(f"no answer from {service} within {timeout:g} s") from None
+    if reply is None:
+        from mjplug.client import TimedOutError
+
+        raise TimedOutError(
+            f"{service} did not answer; the server may have stopped, or does not let this client call it"
+        )
+    if reply.ok is None:
+        from mjplug.client import RequestRefused
+
+        assert reply.err is not None
+        raise RequestRefused(service, reply.err.payload.to_string())
+    try:
+        return json.loads(json.loads(reply.ok.payload.to_bytes())["message"])
+    except (ValueError, KeyError, TypeError):
+        from mjplug.client import ClientError
+
+        raise ClientError(f"{service} answers with something else than diagnostics") from None

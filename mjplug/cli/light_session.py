@@ -1,0 +1,53 @@
+"""Zenoh sessions for commands that have to be quick: the Python client's modules take a second to import."""
+
+import json
+import re
+
+import zenoh
+
+from mjplug.wire.zenoh_file import read_zenoh_file, setting
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+
+_PATIENCE = 2.0
+"""How long to wait for the names of servers [s]; they come within a millisecond."""
+
+_NAME = re.compile(r"[A-Za-z0-9_/]+")
+
+
+def light_session(endpoint: str | None, file: str | None = None, patience_ms: int = 2000) -> zenoh.Session:
+    """Opens a client's session.
+
+    Args:
+        endpoint: Where a server listens; by default what the file says, or else where servers listen by default.
+        file: A Zenoh configuration file.
+        patience_ms: How long to wait for a server [ms].
+
+    Raises:
+        zenoh.ZError: Nobody is there, or the file cannot be used.
+    """
+    config = read_zenoh_file(file)
+    settings = {
+        "mode": "client",
+        "connect/timeout_ms": patience_ms,
+        "transport/unicast/open_timeout": patience_ms,
+        "scouting/multicast/enabled": False,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    if endpoint is not None or not setting(config, "connect/endpoints"):
+        config.insert_json5("connect/endpoints", json.dumps([endpoint or DEFAULT_ENDPOINT]))
+    return zenoh.open(config)
+
+
+def announced(session: zenoh.Session) -> list[str]:
+    """Returns the full names of the servers that are announced on a session's network."""
+    found = set()
+    for reply in session.liveliness().get("@mjplug/**", timeout=_PATIENCE):
+        if reply.ok is not None:
+            # @mjplug/<namespace>/<node name>/<Zenoh id>
+            name = "/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1])
+            # Any program can announce another one, which is no server's.
+            if _NAME.fullmatch(name):
+                found.add(name)
+    return sorted(found)
