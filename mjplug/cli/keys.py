@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 app = typer.Typer(name="keys", help="Certificates and roles for servers and clients.", no_args_is_help=True)
 
 _Out = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="The folder with the authority.")]
-_Days = Annotated[float, typer.Option(min=0.001, metavar="DAYS", help="How long the certificate is valid.")]
+_Days = Annotated[
+    float, typer.Option(min=0.001, max=36500.0, metavar="DAYS", help="How long the certificate is valid.")
+]
 _Hosts = Annotated[
     list[str] | None,
     typer.Option("--host", metavar="NAME", help="A name or address by which clients call the server. Repeatable."),
@@ -24,7 +26,7 @@ _Hosts = Annotated[
 _Known = Annotated[str, typer.Argument(metavar="NAME", help="The name in the certificate.")]
 _KEYS = Path("keys")
 
-RESTART = "A running server keeps the roles that it was started with: restart it."
+RESTART = "Restart the server if it runs: it reads certificates and roles only when it starts."
 
 
 @app.command(
@@ -42,6 +44,7 @@ def init(
     """
     folder = _folders().create(out, tuple(host or [socket.gethostname()]), port, days)
     server, operator = (folder.file(folder.identities[name]) for name in ("server", "operator"))
+    complain(f"made {out}; clients connect to {folder.endpoint()}. To start a server, and to connect to it:")
     say(f"mjplug serve bundled:box --zenoh-config {server}")
     say(f"mjplug topic list --zenoh-config {operator}")
 
@@ -78,7 +81,7 @@ def revoke(name: _Known, out: _Out = _KEYS) -> None:
     """Makes the certificate of a client worthless: servers refuse it from their next start on."""
     _folders()(out).revoke(name)
     say(f"{name} is revoked")
-    complain(f"{RESTART} Until then {name} is let in. Servers on other machines need trust.pem and roles.json anew.")
+    complain(f"{RESTART} Until then, {name} is let in. Copy the server's folder again to other machines that have it.")
 
 
 @app.command(epilog=examples("mjplug keys show", "mjplug keys show --json"))

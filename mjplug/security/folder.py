@@ -9,10 +9,12 @@ keys/
 ```
 """
 
+import ipaddress
 import json
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -31,6 +33,12 @@ LOCAL = ("localhost", "127.0.0.1", "::1")
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,30}")
 _INDEX = "keys.json"
+_RESERVED = ("trust",)
+"""Names that a server cannot have: its certificate would be in the file of those it trusts."""
+
+_HOST = re.compile(
+    r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9_])?(\.[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9_])?)*"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +100,14 @@ class KeyFolder:
             ) from None
         except (OSError, ValueError) as error:
             raise KeysError(f"{path / _INDEX} cannot be read: {error}") from None
-        if told.get("format") != FORMAT:
-            raise KeysError(f"{path / _INDEX} has format {told.get('format')!r}; this version reads format {FORMAT}")
-        self._port: int = told["port"]
-        entries = (Identity(**{**entry, "hosts": tuple(entry["hosts"])}) for entry in told["identities"])
-        self.identities = {identity.name: identity for identity in entries}
+        try:
+            if told.get("format") != FORMAT:
+                raise KeysError(f"{path / _INDEX} has format {told['format']!r}; this version reads format {FORMAT}")
+            self._port: int = told["port"]
+            entries = (Identity(**{**entry, "hosts": tuple(entry["hosts"])}) for entry in told["identities"])
+            self.identities = {identity.name: identity for identity in entries}
+        except (AttributeError, KeyError, TypeError) as error:
+            raise KeysError(f"{path / _INDEX} is damaged ({error!r}); take it from a backup") from None
 
     @classmethod
     def create(cls, path: Path, hosts: Sequence[str], port: int = 7447, days: float = DAYS) -> "KeyFolder":
@@ -117,19 +128,23 @@ class KeyFolder:
                     f"{path} has an authority already, which is left as it is; add certificates with `mjplug keys "
                     "add`, or choose another folder with --out"
                 )
+        _check_hosts(hosts)
         authority = make_authority(f"mjplug authority of {hosts[0]}"[:64])
+        _make_private(path)
         try:
-            _make_private(path)
             _write(path / "ca.key", authority.key)
             _write(path / "ca.pem", authority.certificate)
             _write(path / _INDEX, json.dumps({"format": FORMAT, "port": port, "identities": []}))
-        except OSError as error:
-            raise KeysError(f"cannot write to {path}: {error.strerror}") from None
-        folder = cls(path)
-        folder.add("worker", "worker", days=days)
-        folder.add("server", "server", hosts=hosts, days=days)
-        folder.add("operator", "operator", days=days)
-        folder.add("viewer", "viewer", days=days)
+            folder = cls(path)
+            folder.add("worker", "worker", days=days)
+            folder.add("server", "server", hosts=hosts, days=days)
+            folder.add("operator", "operator", days=days)
+            folder.add("viewer", "viewer", days=days)
+        except KeysError:
+            # Otherwise a second attempt would find an authority.
+            for name in (_INDEX, "ca.key", "ca.pem"):
+                (path / name).unlink(missing_ok=True)
+            raise
         return folder
 
     def add(self, name: str, role: Role, hosts: Sequence[str] = (), days: float = DAYS) -> Path:
@@ -155,8 +170,18 @@ class KeyFolder:
                 f"{name} has a certificate already ({known.role}, {known.state}); replace it with `mjplug keys renew "
                 f"{name}`, or choose another name"
             )
+        alike = next(
+            (other for other in self.identities if other != name and other.casefold() == name.casefold()), None
+        )
+        if alike is not None:
+            raise KeysError(f"{name} and {alike} would be one file where upper and lower case are the same")
+        if role != "server" and hosts:
+            raise KeysError(f"only a server has names and addresses by which clients call it; {name} is a {role}")
         if role == "server" and not hosts:
             raise KeysError("a server needs the names or addresses by which clients call it: --host NAME")
+        if role == "server" and (name in _RESERVED or (self.path / name).is_file()):
+            raise KeysError(f"{name} is the name of another file; choose another name for the server")
+        _check_hosts(hosts)
         if role == "server" and known is not None and known.role != "server":
             raise KeysError(f"{name} was a {known.role}; choose another name for a server")
         return self._issue(Identity(name, role, "", hosts=tuple(hosts)), days)
@@ -211,14 +236,11 @@ class KeyFolder:
 
     def _issue(self, identity: Identity, days: float) -> Path:
         until = (datetime.now(UTC) + timedelta(days=days)).replace(microsecond=0)
-        try:
-            if identity.role == "server":
-                hosts = tuple(dict.fromkeys((*identity.hosts, *LOCAL)))
-                pair, issuer = make_server(identity.name, self._authority, hosts, until), ""
-            else:
-                pair, issuer = make_client(identity.name, until)
-        except ValueError as error:
-            raise KeysError(f"no certificate can be made for {', '.join(identity.hosts)}: {error}") from None
+        if identity.role == "server":
+            hosts = tuple(dict.fromkeys((*identity.hosts, *LOCAL)))
+            pair, issuer = make_server(identity.name, self._authority, hosts, until), ""
+        else:
+            pair, issuer = make_client(identity.name, until)
         pair = Pair(with_expiry(pair.certificate, until), pair.key)
         issued = replace(identity, expires=until.isoformat(), issuer=issuer, revoked="")
         self.identities[identity.name] = issued
@@ -257,15 +279,48 @@ class KeyFolder:
                 _write(folder / "worker.json5", worker.read_text())
 
 
+def _check_hosts(hosts: Sequence[str]) -> None:
+    """Raises if something is neither a host name nor an address of one machine.
+
+    Raises:
+        KeysError: It is not.
+    """
+    for host in hosts:
+        try:
+            if ipaddress.ip_address(host).is_unspecified:
+                raise KeysError(
+                    f"{host} stands for every address of a machine; name one by which clients call the server"
+                )
+        except ValueError:
+            if not _HOST.fullmatch(host):
+                raise KeysError(
+                    f"{host!r} is no host name and no IP address; write it without protocol, port and wildcards, such "
+                    "as sim.lab.example or 192.168.1.5"
+                ) from None
+
+
 def _make_private(folder: Path) -> None:
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    folder.chmod(0o700)
+    """Makes a folder that only its owner can open; one that is there stays as it is."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        raise KeysError(f"cannot make {folder}: {error.strerror}") from None
 
 
 def _write(path: Path, text: str) -> None:
-    """Writes a file that only its owner can read, as a whole or not at all."""
+    """Writes a file that only its owner can read, as a whole or not at all.
+
+    Raises:
+        KeysError: It cannot be written.
+    """
     fresh = path.with_name(f".{path.name}.new")
-    fresh.unlink(missing_ok=True)
-    with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as stream:
-        stream.write(f"{text.rstrip()}\n")
-    fresh.replace(path)
+    try:
+        fresh.unlink(missing_ok=True)
+        with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as stream:
+            stream.write(f"{text.rstrip()}\n")
+        fresh.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
+        raise KeysError(f"cannot write {path}: {error.strerror}") from None

@@ -20,7 +20,9 @@ WITHOUT_CRYPTOGRAPHY = (
 
 def test_init_prints_the_line_to_start_and_the_line_to_connect_and_both_work(tmp_path):
     made = run("keys", "init", "--host", "localhost", cwd=tmp_path)
-    assert made.stderr == ""
+    assert made.stderr == (
+        "made keys; clients connect to tls/localhost:7447. To start a server, and to connect to it:\n"
+    )
     start, connect = made.stdout.splitlines()
     assert start == "mjplug serve bundled:box --zenoh-config keys/server/server.json5"
     assert connect == "mjplug topic list --zenoh-config keys/operator.json5"
@@ -50,7 +52,7 @@ def test_show_tells_who_has_a_certificate(tmp_path):
     keys.add("eve", "viewer", days=-1.0)
     assert run("keys", "revoke", "operator", cwd=tmp_path).stdout == "operator is revoked\n"
     added = run("keys", "add", "alice", "--role", "viewer", "--days", "2", cwd=tmp_path)
-    assert (added.stdout, "restart it" in added.stderr) == ("keys/alice.json5\n", True)
+    assert (added.stdout, "Restart the server" in added.stderr) == ("keys/alice.json5\n", True)
     shown = run("keys", "show", cwd=tmp_path).stdout
     date = r"20\d\d-\d\d-\d\d \d\d:\d\d UTC"
     for line in (
@@ -74,6 +76,9 @@ def test_show_tells_who_has_a_certificate(tmp_path):
             1,
             "error: keys has no authority (keys.json is missing); make one with: mjplug keys init --out keys",
         ),
+        (("init", "--host", "tcp/1.2.3.4:7447"), 1, "error: 'tcp/1.2.3.4:7447' is no host name and no IP address"),
+        (("init", "--days", "1e9"), 2, "Invalid value for '--days'"),
+        (("init", "--out", "/proc/keys"), 1, "error: cannot make /proc/keys: "),
         (("add", "x", "--role", "king"), 2, "'king' is unknown; roles are operator, viewer, worker, server"),
     ],
 )

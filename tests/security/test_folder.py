@@ -114,6 +114,37 @@ def test_an_authority_is_never_overwritten(tmp_path):
     assert {path: path.read_bytes() for path in keys.path.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.parametrize("host", ["", "a b", "host:7447", "*.lab", "-x", "tls/x", "x" * 254, "münchen", "::", "x..y"])
+def test_a_wrong_host_leaves_nothing_so_that_a_second_attempt_works(tmp_path, host):
+    with pytest.raises(KeysError, match=r"is no host name and no IP address|stands for every address"):
+        KeyFolder.create(tmp_path / "keys", [host])
+    assert list(tmp_path.iterdir()) == []
+    assert KeyFolder.create(tmp_path / "keys", ["sim_1.lab.example", "192.168.1.5", "fd00::5"]).identities
+
+
+def test_what_cannot_be_written_is_said_and_a_second_attempt_works(tmp_path):
+    (tmp_path / "operator.json5").mkdir()
+    with pytest.raises(KeysError, match=r"cannot write .*operator\.json5: "):
+        KeyFolder.create(tmp_path, ["localhost"])
+    (tmp_path / "operator.json5").rmdir()
+    assert KeyFolder.create(tmp_path, ["localhost"]).identities
+
+
+def test_a_folder_that_was_there_keeps_its_mode(tmp_path):
+    tmp_path.chmod(0o755)
+    KeyFolder.create(tmp_path, ["localhost"])
+    assert stat.S_IMODE(tmp_path.stat().st_mode) == 0o755
+    assert {stat.S_IMODE(path.stat().st_mode) for path in tmp_path.rglob("*") if path.is_file()} == {0o600}
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", '{"format": 1}', '{"format": 1, "port": 1, "identities": [{}]}', "{"])
+def test_a_damaged_list_is_said_to_be_damaged(tmp_path, text):
+    path = KeyFolder.create(tmp_path, ["localhost"]).path
+    (path / "keys.json").write_text(text)
+    with pytest.raises(KeysError, match=r"keys\.json (is damaged|cannot be read)"):
+        KeyFolder(path)
+
+
 def test_each_server_gets_the_roles_and_issuers_of_all_who_are_valid(tmp_path):
     keys = KeyFolder.create(tmp_path, ["localhost"])
     keys.add("sim2", "server", ["sim2.example"])
@@ -142,7 +173,12 @@ def test_what_was_written_is_read_again(keys):
         (lambda keys: keys.add("", "viewer"), "name '' is not allowed"),
         (lambda keys: keys.add("x" * 32, "viewer"), "1 to 31 letters"),
         (lambda keys: keys.add("sim2", "server"), "--host NAME"),
-        (lambda keys: keys.add("sim2", "server", ["höst"]), "no certificate can be made for höst"),
+        (lambda keys: keys.add("sim2", "server", ["höst"]), "'höst' is no host name and no IP address"),
+        (lambda keys: keys.add("sim2", "server", ["0.0.0.0"]), "0.0.0.0 stands for every address"),
+        (lambda keys: keys.add("trust", "server", ["x"]), "trust is the name of another file"),
+        (lambda keys: keys.add("ca.key", "server", ["x"]), "ca.key is the name of another file"),
+        (lambda keys: keys.add("Viewer", "viewer"), "Viewer and viewer would be one file"),
+        (lambda keys: keys.add("alice", "viewer", ["x"]), "only a server has names"),
         (lambda keys: keys.add("bob", "server", ["x"]), "bob was an? operator"),
         (lambda keys: keys.renew("bob"), "bob was revoked"),
         (lambda keys: keys.renew("nobody"), "there is no 'nobody'.*there are: worker, server"),
