@@ -98,7 +98,10 @@ def _security(endpoint: str | None, file: str | None, json: bool) -> None:
     else:
         rows = [(d.who, d.door, d.state, "SHOULD BE CLOSED" if d.fault else d.note) for d in doors]
         say_table([("WHO", "DOOR", "STATE", ""), *rows])
-        say(f"{_count(faults, 'door')} open that should be closed")
+        verb = "is" if faults < 2 else "are"
+        say(f"{'no door' if not faults else _count(faults, 'door')} {verb} open that should be closed")
+        if any(door.fault and door.who == "nobody" for door in doors):
+            say("mjplug keys init makes certificates and roles; see Security in the documentation")
     if faults:
         raise typer.Exit(1)
 

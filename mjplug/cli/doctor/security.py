@@ -72,7 +72,7 @@ def check_security(endpoint: str, file: Path | None) -> Iterator[Door]:
     if not listens(endpoint):
         raise NoServerError(f"nobody listens at {endpoint}; start a server there, or give its endpoint with --connect")
     encrypted = endpoint.startswith(ENCRYPTED)
-    yield Door("anybody", "read along on the network", _state(not encrypted), not encrypted)
+    yield Door("anybody", "read the traffic on the network", _state(not encrypted), not encrypted)
     yield from _certificates(endpoint, file)
     role = "" if file is None else str(own_settings(_read(file)).get("role", ""))
     with _without_identity(file) as bare, _client(endpoint, bare) as nobody, _client(endpoint, file) as known:
