@@ -6,6 +6,7 @@ import ssl
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 
 import zenoh
@@ -141,6 +142,11 @@ def _wrong_client(error: ssl.SSLError, config: zenoh.Config, file: Path | None, 
     if "EXPIRED" in reason:
         pem = certificate(config, file, "connect") if file is not None else None
         until = expiry_of(pem) if pem is not None else None
+        if until is not None and until > datetime.now(UTC):
+            # The same alert says that a certificate is not valid yet.
+            return (
+                f"{refused} as not valid now, although it is until {day(until)}; compare the clocks of the two machines"
+            )
         return f"{refused}: it expired{f' on {day(until)}' if until is not None else ''}"
     if "UNKNOWN_CA" in reason:
         return f"{refused}: it was revoked, or made by another authority, or made after the server was started"

@@ -117,7 +117,12 @@ def test_doctor_finds_the_doors_that_are_open_to_whom(tmp_path):
             assert doors[me, "offer a service of /mjplug"] == "closed"
         ran = run("doctor", "--security", "-e", unsafe.endpoint, cwd=tmp_path, within=100.0)
         assert ran.returncode == 1
-        for door in ("read the traffic on the network", "connect", "call /mjplug/reset_world", "publish in place of /mjplug"):
+        for door in (
+            "read the traffic on the network",
+            "connect",
+            "call /mjplug/reset_world",
+            "publish in place of /mjplug",
+        ):
             assert re.search(f"{door} +open +SHOULD BE CLOSED", ran.stdout), (door, ran.stdout)
         state = run("sim", "state", "-e", unsafe.endpoint, cwd=tmp_path).stdout
         assert "running" in state

@@ -3,14 +3,19 @@
 import json
 import os
 import re
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
+import zenoh
 from cli.process import Served, run
 from security.conftest import PATIENCE, Client
 
+from mjplug.client import NoServerError, connect
 from mjplug.security.certificates import make_authority, make_server
 from mjplug.security.folder import KeyFolder
+from mjplug.wire.endpoints import with_free_port
+from mjplug.wire.zenoh_file import read_zenoh_file
 
 WORLD = Path(__file__).parent.parent / "worker" / "world"
 pytestmark = pytest.mark.timeout(240)
@@ -122,3 +127,20 @@ def test_wrong_roles_are_refused_at_the_start(tmp_path, told, sentence):
     ended = run("serve", "bundled:box", "--zenoh-config", "zenoh.json5", cwd=tmp_path)
     assert ended.returncode == 5
     assert re.search(sentence, ended.stderr)
+
+
+def test_a_client_whose_certificate_is_not_valid_yet_is_told_to_compare_the_clocks(tmp_path, monkeypatch):
+    keys = KeyFolder.create(tmp_path / "keys", ["localhost"])
+    with monkeypatch.context() as ahead:
+        # As on a machine whose clock is ahead of the server's.
+        ahead.setattr("mjplug.security.certificates._SKEW", -timedelta(hours=1))
+        file = keys.add("early", "viewer")
+    config = read_zenoh_file(keys.path / "server" / "server.json5")
+    endpoint = with_free_port("tls/localhost:0")
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    with zenoh.open(config), pytest.raises(NoServerError) as refused:
+        connect(endpoint, config=file, timeout=0.0)
+    assert re.search(
+        r"early\.json5 as not valid now, although it is until 20.*; compare the clocks", str(refused.value)
+    )
