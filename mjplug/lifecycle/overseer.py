@@ -75,5 +75,12 @@ class Overseer:
 
     def begin(self) -> None:
         """Says that the server is about to end."""
+        self._tell(b"s")
+
+    def forcing(self) -> None:
+        """Says that the server is about to end by force, and names what hung itself."""
+        self._tell(b"f")
+
+    def _tell(self, what: bytes) -> None:
         with contextlib.suppress(OSError):
-            os.write(self._control, b"s")
+            os.write(self._control, what)

@@ -18,6 +18,9 @@ _DUMP_TIME = 0.3
 _EXIT_TIME = 0.2
 """Time for the server to end by itself after the signal for it [s]."""
 
+_GRACE = 0.4
+"""Time that a server gets which has begun to end itself by force, on a busy machine [s]."""
+
 _STOPPING = {signal.SIGINT, signal.SIGTERM}
 
 
@@ -29,7 +32,7 @@ class Server:
         process: A pidfd, which becomes readable when the server has ended, however it ended. It means this process
             for ever, while another one may get the server's number.
         signals: The socket to which the C part of the server's signal handling writes the numbers of signals.
-        control: A pipe that gives a byte when the server is about to end.
+        control: A pipe that gives `s` when the server is about to end, and `f` when it begins to end by force.
         dump: A pipe that gives where the threads of the server are, after `dump_signal`.
         thread: Its physics thread, as Python numbers threads.
         dump_signal: Signal at which the server writes to `dump`.
@@ -65,6 +68,10 @@ class Server:
     def ended(self, within: float) -> bool:
         """Waits until the server has ended, or for a time [s]; returns whether it has."""
         return _readable(self.process, within)
+
+    def ends_itself(self) -> bool:
+        """Whether the server has begun to end by force, so that its Python runs."""
+        return _readable(self.control, 0.0) and b"f" in os.read(self.control, 16)
 
     def end(self, seconds: float) -> None:
         """Ends it, and says where it hung.
@@ -129,7 +136,9 @@ def main(pid: int, seconds: float, signals: int, control: int, dump: int, *rest:
         # The server has ended meanwhile, and its number may be another process's by now.
         return
     server = Server(process, socket.socket(fileno=signals), control, dump, *rest)
-    if server.begins_to_stop() and not server.ended(seconds):
+    if not server.begins_to_stop() or server.ended(seconds):
+        return
+    if not (server.ends_itself() and server.ended(_GRACE)):
         server.end(seconds)
 
 

@@ -110,6 +110,8 @@ class StopWatchdog:
             os._exit(128 + number)
 
     def _force(self) -> None:
+        if self._overseer is not None:
+            self._overseer.forcing()
         try:
             reason = self.describe()
         except Exception as error:

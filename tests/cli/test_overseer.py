@@ -87,6 +87,17 @@ def test_it_ends_a_server_that_does_not_stop_with_the_exit_code_and_the_place(ov
     assert sentence.endswith(f'overseen.py", line {line} in main\n')
 
 
+@pytest.mark.parametrize(("told", "ends"), [(b"", False), (b"s", False), (b"f", True), (b"sf", True)])
+def test_it_knows_from_the_pipe_whether_the_server_ends_itself(told, ends):
+    reader, writer = os.pipe()
+    try:
+        os.write(writer, told)
+        assert overseer_process.Server(-1, None, reader, -1, 0, 0, 0).ends_itself() is ends
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
 def test_it_ends_a_suspended_server_that_was_about_to_end(overseen):
     server = overseen("is suspended")
     assert server.process.wait(WAITING) == -signal.SIGKILL
