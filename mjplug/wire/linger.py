@@ -46,7 +46,10 @@ def _link_changed(event: zenoh.LinkEvent) -> None:
 
 
 def _switch_off(ports: tuple[int | None, int | None]) -> None:
-    """Switches SO_LINGER off for this process's stream sockets with these ports, here and at the other end."""
+    """Switches SO_LINGER off for a stream socket of this process with these ports, here and at the other end.
+
+    Two clients on different machines may use the same port. Only the socket of the new link still lingers.
+    """
     # The newest file usually has the highest number.
     for number in sorted(map(int, os.listdir(_OPEN_FILES)), reverse=True):
         try:
@@ -59,7 +62,7 @@ def _switch_off(ports: tuple[int | None, int | None]) -> None:
         try:
             if found.family not in (socket.AF_INET, socket.AF_INET6) or found.type != socket.SOCK_STREAM:
                 continue
-            if (found.getsockname()[1], found.getpeername()[1]) == ports:
+            if (found.getsockname()[1], found.getpeername()[1]) == ports and _lingers(found):
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
                 return
         except OSError:
@@ -68,6 +71,11 @@ def _switch_off(ports: tuple[int | None, int | None]) -> None:
         finally:
             # The socket is Zenoh's to close.
             found.detach()
+
+
+def _lingers(found: socket.socket) -> bool:
+    (on, _) = struct.unpack("ii", found.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, len(_OFF)))
+    return bool(on)
 
 
 def _port(locator: str) -> int | None:

@@ -8,6 +8,7 @@ import queue
 import socket
 import struct
 import threading
+from contextlib import ExitStack
 
 import pytest
 import zenoh
@@ -124,6 +125,30 @@ def test_only_the_socket_of_the_link_is_touched():
             gc.collect()
             near.sendall(b"still open")
             assert far.recv(20) == b"still open"
+
+
+@linux_only
+def test_links_from_the_same_port_of_two_machines_are_told_apart():
+    with ExitStack() as stack:
+        listening = stack.enter_context(socket.create_server(("", 0)))
+        port = listening.getsockname()[1]
+        low_number, *clients = (stack.enter_context(socket.socket()) for _ in range(3))
+        servers = []
+        for client, address in zip(clients, ("127.0.0.2", "127.0.0.3"), strict=True):
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            source = clients[0].getsockname()[1]
+            client.bind((address, source))
+            client.connect(("127.0.0.1", port))
+            servers.append(stack.enter_context(listening.accept()[0]))
+            servers[-1].setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 10))
+            linger._switch_off((port, client.getsockname()[1]))
+            # The next socket gets its file number, which is below that of the first client.
+            low_number.close()
+        assert servers[1].fileno() < servers[0].fileno()
+        assert [struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] for one in servers] == [
+            0,
+            0,
+        ]
 
 
 @pytest.mark.parametrize(
