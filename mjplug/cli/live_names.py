@@ -36,6 +36,12 @@ def _servers(endpoint: str | None) -> Iterator[dict[str, Any]]:
     from mjplug.cli.light_session import light_session
 
     with light_session(endpoint, patience_ms=_PATIENCE_MS) as session:
-        for reply in session.get("**/interfaces", target=zenoh.QueryTarget.ALL, timeout=_PATIENCE_MS / 1e3):
+        for reply in session.get(
+            "**/interfaces",
+            target=zenoh.QueryTarget.ALL,
+            # Each reply when it comes: a program that never answers must not keep back those of others.
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=_PATIENCE_MS / 1e3,
+        ):
             if reply.ok is not None:
                 yield json.loads(reply.ok.payload.to_bytes())

@@ -5,6 +5,8 @@ from urllib.parse import quote
 
 import zenoh
 
+from mjplug.client.patience import AT_ONCE
+
 _TIMEOUT = 2.0
 """How long to wait for each server [s]; it takes a millisecond, and a slow network somewhat longer."""
 
@@ -22,9 +24,13 @@ def await_publishers(session: zenoh.Session, servers: Iterable[str], key: str) -
         key: The key that the subscriber reads.
     """
     pending = [
-        session.get(f"{name.removeprefix('/')}/interfaces?subscribed={quote(key)}", timeout=_TIMEOUT)
+        session.get(
+            f"{name.removeprefix('/')}/interfaces?subscribed={quote(key)}", consolidation=AT_ONCE, timeout=_TIMEOUT
+        )
         for name in servers
     ]
     for replies in pending:
-        for _ in replies:
-            pass
+        for reply in replies:
+            if reply.ok is not None:
+                # A program that is no server may match the key too, and never answer.
+                break

@@ -5,11 +5,13 @@ import re
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import zenoh
 
 from mjplug.client.errors import ClientError, NoServerError
+from mjplug.client.patience import AT_ONCE
 from mjplug.errors import quoted
 from mjplug.wire.encoding import MAX_KEY
 from mjplug.wire.identity import TOKENS
@@ -130,26 +132,31 @@ def ask_all(session: zenoh.Session) -> tuple[dict[str, ServerInfo], dict[str, st
     failed: dict[str, str] = {}
     announced = set(server_names(session))
     for attempt in range(_ATTEMPTS):
+        if announced <= found.keys():
+            break
         if attempt:
             time.sleep(_RETRY)
             announced &= set(server_names(session))
-        if announced <= found.keys():
-            break
         began = time.monotonic()
         # Again, each by its own key: access control may permit that, but not the wildcard.
         missing = sorted(announced - found.keys())[:_MOST_ASKED]
         selectors = [f"{key(name)}/interfaces" for name in missing] if attempt else ["**/interfaces"]
-        for replies in [session.get(s, target=zenoh.QueryTarget.ALL, timeout=_PATIENCE) for s in selectors]:
-            for reply in replies:
-                if reply.ok is None:
-                    # Services of ROS 2 nodes match the wildcard too, and refuse.
-                    continue
-                name = "/" + str(reply.ok.key_expr).removesuffix("/interfaces")
-                if name in announced and name not in found:
-                    try:
-                        found[name] = read(name, reply.ok.payload.to_bytes())
-                    except ClientError as error:
-                        failed[name] = str(error)
+        queries = [
+            session.get(s, target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=_PATIENCE) for s in selectors
+        ]
+        for reply in chain.from_iterable(queries):
+            if reply.ok is None:
+                # Services of ROS 2 nodes match the wildcard too, and refuse.
+                continue
+            name = "/" + str(reply.ok.key_expr).removesuffix("/interfaces")
+            if name in announced and name not in found:
+                try:
+                    found[name] = read(name, reply.ok.payload.to_bytes())
+                except ClientError as error:
+                    failed[name] = str(error)
+            if announced <= found.keys():
+                # A program that is no server may match the key too, and never answer.
+                break
         waited = time.monotonic() - began
         for name in announced - found.keys():
             failed.setdefault(name, f"server {name} is announced but did not answer within {max(waited, 0.01):.2g} s")
@@ -171,7 +178,7 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
         ClientError: What it answers is no list of interfaces.
     """
     selector = f"{key(name)}/interfaces{'?schema=true' if schema else ''}"
-    for reply in session.get(selector, timeout=_PATIENCE):
+    for reply in session.get(selector, consolidation=AT_ONCE, timeout=_PATIENCE):
         if reply.ok is not None:
             return _told(name, reply.ok.payload.to_bytes())
         assert reply.err is not None

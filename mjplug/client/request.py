@@ -9,6 +9,7 @@ from zenoh.handlers import Callback
 
 from mjplug.client.errors import RequestRefused, TimedOutError
 from mjplug.client.listing import ServiceInfo
+from mjplug.client.patience import AT_ONCE
 from mjplug.client.types import to_json
 from mjplug.wire.encoding import encoding_of
 from mjplug_schemas.message import Message, Service
@@ -67,6 +68,7 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
         Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
         payload=to_json(request) if as_json else request.to_cdr(),
         encoding=zenoh.Encoding.APPLICATION_JSON if as_json else encoding_of("cdr", type(request)),
+        consolidation=AT_ONCE,
         # Ours ends the wait first, with a better sentence.
         timeout=timeout + 1.0,
     )

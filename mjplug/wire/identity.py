@@ -71,7 +71,9 @@ def _token_holder(session: zenoh.Session, name: str) -> str | None:
 
 def _answers(session: zenoh.Session, name: str, seconds: float) -> bool:
     """Whether a server of this name answers within a time [s]."""
-    for reply in session.get(f"{names.key(name)}/interfaces", timeout=max(seconds, _RETRY)):
+    # Without consolidation, since Zenoh would keep the reply back until every other program that matches has answered.
+    mode = zenoh.ConsolidationMode.NONE
+    for reply in session.get(f"{names.key(name)}/interfaces", consolidation=mode, timeout=max(seconds, _RETRY)):
         # Whatever is answered, somebody serves this name.
         del reply
         return True

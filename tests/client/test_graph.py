@@ -9,8 +9,8 @@ import pytest
 import zenoh
 from wire.conftest import client_config
 
-from mjplug.client import ClientError, UnknownNameError, connect, listing
-from mjplug.transport import LATCHED, ServiceName, Topic
+from mjplug.client import ClientError, UnknownNameError, confirmation, connect, listing
+from mjplug.transport import DEFAULT, LATCHED, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.std_msgs import Float64, String
@@ -130,6 +130,25 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
     asked.clear()
     queryable.undeclare()
     token.undeclare()
+
+
+@pytest.mark.timeout(40)
+def test_a_program_that_matches_every_key_and_never_answers_holds_nobody_up(client, networks, stranger, monkeypatch):
+    monkeypatch.setattr(listing, "_PATIENCE", 80.0)
+    monkeypatch.setattr(listing, "_RETRY", 80.0)
+    monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)
+    networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))
+    unanswered = []
+    everything = stranger.declare_queryable("**", unanswered.append)
+    until = time.monotonic() + 10.0
+    while not unanswered and time.monotonic() < until:
+        client.session.get("proof", timeout=0.1)
+        threading.Event().wait(0.05)
+    assert len(client.servers()) == 10
+    client.subscribe("/absolute").close()
+    assert client.call("/robot7/mjplug/go", timeout=80.0).message == "7"
+    everything.undeclare()
+    unanswered.clear()
 
 
 @pytest.mark.parametrize("name", ["z\x1b[31m", "a b", "`touch x`", "1st", "x\nFORGED"])
