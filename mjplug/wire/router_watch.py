@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import zenoh
 
+from mjplug.errors import WireError
+
 _log = logging.getLogger(__name__)
 
 _PERIOD = 0.5
@@ -24,7 +26,8 @@ class RouterWatch:
     Args:
         session: The session that connects.
         endpoints: Where it connects to.
-        host: Opens a router in place of one that is gone, or returns None if the port is taken; None never does.
+        host: Opens a router in place of one that is gone, or returns None if the port is taken, or raises a WireError;
+            None never does.
     """
 
     def __init__(
@@ -34,14 +37,10 @@ class RouterWatch:
         self._where = ", ".join(endpoints)
         self._host = host
         self._hosted: zenoh.Session | None = None
+        self._told = False
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="router watch", daemon=True)
         self._thread.start()
-
-    @property
-    def hosts(self) -> bool:
-        """Whether this process hosts the router now."""
-        return self._hosted is not None
 
     def stop(self) -> None:
         """Stops watching; a hosted router stays until `close`. A second call does nothing."""
@@ -61,13 +60,14 @@ class RouterWatch:
             had_router = had_router or bool(self._info.routers_zid())
             before, connected = connected, self._connected(had_router)
             if connected and not before:
+                self._told = False
                 _log.warning("connected to %s again", self._where)
             elif before and not connected:
                 _log.warning(
                     "the Zenoh router at %s is gone: nobody reaches this server until a router is there again",
                     self._where,
                 )
-            if not connected and had_router and self._host is not None and self._hosted is None:
+            if not connected and self._host is not None and self._hosted is None:
                 self._take_over(self._host)
 
     def _connected(self, had_router: bool) -> bool:
@@ -77,10 +77,11 @@ class RouterWatch:
     def _take_over(self, host: Callable[[], zenoh.Session | None]) -> None:
         try:
             self._hosted = host()
-        except Exception:
-            # It is tried once only: another attempt would fail the same way.
-            self._host = None
-            _log.exception("this server cannot host a router in place of the one that is gone")
+        except WireError as error:
+            # The address may come back: it is gone while a network interface is down, for example.
+            if not self._told:
+                _log.warning("no router is hosted in place of the one that is gone: %s; trying again", error)
+            self._told = True
             return
         if self._hosted is not None:
             _log.warning("this server hosts the Zenoh router at %s now", self._where)

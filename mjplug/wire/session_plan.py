@@ -136,7 +136,7 @@ class Plan:
             listening = tuple(with_free_port(endpoint) for endpoint in listen)
             config = self._with_access(self._config(role, listening, connect))
             try:
-                session = self._session(config)
+                session = self._session(config, listening)
             except zenoh.ZError as error:
                 if not _IN_USE.search(str(error)):
                     kind = UnreachableError if role == "client" else WireError
@@ -145,8 +145,6 @@ class Plan:
                 if not has_free_port(listen[at]):
                     raise TakenError(listening[at]) from error
             else:
-                for warning in exposure.warnings(listening, config):
-                    _log.warning("%s", warning)
                 return session, listening
         raise WireError(f"found no free port for {', '.join(listen)} in {_RACES} attempts")
 
@@ -154,15 +152,15 @@ class Plan:
         """Opens a router for others; returns None if another program listens on one of the endpoints already.
 
         Raises:
-            zenoh.ZError: It cannot listen there for another reason.
+            WireError: It cannot listen there for another reason.
         """
         config = self._config("router", listen, ())
         try:
-            return self._session(config)
+            return self._session(config, listen)
         except zenoh.ZError as error:
             if _IN_USE.search(str(error)):
                 return None
-            raise
+            raise WireError(_trouble(listen, (), error)) from error
 
     def join(self, connect: tuple[str, ...]) -> zenoh.Session:
         """Opens a client's session.
@@ -193,9 +191,11 @@ class Plan:
         with session:
             yield session
 
-    def _session(self, config: zenoh.Config) -> zenoh.Session:
+    def _session(self, config: zenoh.Config, listening: tuple[str, ...] = ()) -> zenoh.Session:
         session = zenoh.open(config)
         linger.watch(session)
+        for warning in exposure.warnings(listening, config):
+            _log.warning("%s", warning)
         return session
 
     def _config(
