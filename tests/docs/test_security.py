@@ -3,7 +3,9 @@
 import queue
 import shutil
 import subprocess
-from contextlib import closing
+import threading
+import time
+from contextlib import ExitStack, closing
 
 import pytest
 import zenoh
@@ -11,7 +13,7 @@ from docs.markdown import blocks_of
 from docs.terminal import Command, Reader
 from wire.conftest import client_config
 
-from mjplug.client import NoServerError, connect
+from mjplug.client import NoServerError, TimedOutError, connect
 from mjplug.transport import QoS, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
@@ -65,25 +67,75 @@ def test_a_client_with_the_authority_gets_in_by_tls_and_one_without_does_not(rea
         connect(server.endpoint, timeout=0)
 
 
-def test_the_limits_of_zenoh_hold_for_each_client_by_itself(reader):
-    settings = SessionSettings(listen=("tcp/127.0.0.1:0",), config=reader.folder / "limits.json5")
-    with closing(open_network(settings, "/mjplug")) as network:
-        arrived = queue.SimpleQueue()
-        network.open_subscription(Topic("/target", Float64, QoS(depth=1000)), lambda message: arrived.put(message.data))
-        network.open_service(
-            ServiceName("/go", Trigger), lambda call: call.respond(Trigger.Response(success=True, message="went"))
-        )
-        with zenoh.open(client_config(network.session.endpoint)) as greedy, connect(network.session.endpoint) as modest:
-            modest.publisher("/target").wait_for_subscriber(10.0)
-            payload = Float64(data=1.0).to_cdr()
-            for _ in range(3000):
-                greedy.put("target", payload, congestion_control=zenoh.CongestionControl.BLOCK)
-            modest.publish("/target", Float64(data=2.0))
-            got = 0
-            while arrived.get(timeout=10.0) == 1.0:
-                got += 1
-            # Without limits, all 3000.
-            assert got < 2900
-            greedy.put("target", payload + bytes(300_000), congestion_control=zenoh.CongestionControl.BLOCK)
-            assert modest.call("/go").message == "went"
-        assert network.refused() == {"/target": 0, "/go": 0}
+@pytest.fixture
+def limited(reader):
+    """Serves with the file of limits for one network interface; gives the network and what arrives on /cmd_vel."""
+    with ExitStack() as stack:
+
+        def serve(interface):
+            file = reader.folder / "limits.json5"
+            file.write_text(file.read_text().replace("eth0", interface))
+            settings = SessionSettings(listen=("tcp/127.0.0.1:0",), config=file)
+            network = stack.enter_context(closing(open_network(settings, "/mjplug")))
+            arrived = queue.SimpleQueue()
+            network.open_subscription(
+                Topic("/cmd_vel", Float64, QoS(depth=1000)), lambda message: arrived.put(message.data)
+            )
+            network.open_service(
+                ServiceName("/mjplug/reset_world", Trigger),
+                lambda call: call.respond(Trigger.Response(success=True, message="reset")),
+            )
+            return network, arrived
+
+        yield serve
+
+
+def flood(session, key, payload, count):
+    for _ in range(count):
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def reset_often(client):
+    # On a busy machine, half a second may pass between two calls.
+    for _ in range(50):
+        client.call("/mjplug/reset_world", timeout=60.0)
+
+
+def count_until(arrived, last):
+    """Counts what arrives before a last message."""
+    count = 0
+    while arrived.get(timeout=10.0) != last:
+        count += 1
+    return count
+
+
+@pytest.mark.parametrize("form", ["cdr", "json"])
+def test_the_limits_of_zenoh_hold_for_each_client_by_itself(limited, form):
+    network, arrived = limited("lo")
+    one, last = Float64(data=1.0), Float64(data=2.0)
+    key, payload = ("cmd_vel", one.to_cdr()) if form == "cdr" else ("cmd_vel/@json", one.to_json())
+    with zenoh.open(client_config(network.session.endpoint)) as greedy, connect(network.session.endpoint) as modest:
+        modest.publisher("/cmd_vel").wait_for_subscriber(10.0)
+        flood(greedy, key, payload, 3000)
+        modest.publish("/cmd_vel", last)
+        # Without limits, all 3000.
+        assert count_until(arrived, 2.0) < 2900
+        flood(greedy, key, payload + bytes(300_000), 1)
+        assert modest.call("/mjplug/reset_world").message == "reset"
+        with pytest.raises(TimedOutError, match="did not answer"):
+            reset_often(modest)
+    assert network.refused() == {"/cmd_vel": 0, "/mjplug/reset_world": 0}
+
+
+def test_the_limits_of_zenoh_spare_the_worker_processes(limited):
+    network, arrived = limited("eth0")
+    with zenoh.open(client_config(network.session.endpoint)) as worker:
+        publisher = worker.declare_publisher("cmd_vel", congestion_control=zenoh.CongestionControl.BLOCK)
+        until = time.monotonic() + 10.0
+        while not publisher.matching_status.matching and time.monotonic() < until:
+            threading.Event().wait(0.01)
+        flood(worker, "cmd_vel", Float64(data=1.0).to_cdr(), 500)
+        flood(worker, "cmd_vel", bytes(300_000), 1)
+        flood(worker, "cmd_vel", Float64(data=2.0).to_cdr(), 1)
+        assert count_until(arrived, 2.0) == 500
+    assert network.refused()["/cmd_vel"] == 1
