@@ -12,8 +12,8 @@ _LONGEST = threading.TIMEOUT_MAX / 2
 AT_ONCE = zenoh.ConsolidationMode.NONE
 """Hands over each reply to a query when it comes.
 
-By default, Zenoh keeps replies back until every program with a queryable that matches the key has answered, or until the
-timeout: one program that never answers would make everybody wait.
+By default, Zenoh keeps replies back until every program with a queryable that matches the key has answered, or until
+the timeout: one program that never answers would make everybody wait.
 """
 
 
