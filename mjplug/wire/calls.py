@@ -4,6 +4,7 @@ import threading
 from collections.abc import Mapping
 from typing import Literal
 
+from mjplug.log import ros_string
 from mjplug.wire.dialect import Inquiry
 from mjplug.wire.encoding import Form, encode
 from mjplug.wire.refusal import refusal
@@ -142,8 +143,7 @@ class OpenCalls:
     def refuse(self, inquiry: Inquiry, service: type[Service], reason: str, form: Form) -> None:
         """Answers a request that will not be carried out, in the words of its response type where it has them."""
         # What is no ROS string, such as an undecodable file name in an exception, must not keep the answer back.
-        reason = reason.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
-        response = refusal(service.Response, reason)
+        response = refusal(service.Response, reason := ros_string(reason))
         if response is None and inquiry.needs_response:
             # An error reply would hang this client; a response that says nothing is the lesser evil.
             self._untold.add(f"{service.TYPE} cannot say that a request failed: {reason}")
