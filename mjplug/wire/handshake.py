@@ -104,7 +104,7 @@ def _context(config: zenoh.Config, file: Path | None) -> Iterator[ssl.SSLContext
         if "root_ca_certificate" in paths:
             context.load_verify_locations(cafile=paths["root_ca_certificate"])
         if setting(config, f"{_TLS}/enable_mtls") and "connect_certificate" in paths:
-            # Without a password, OpenSSL would ask for that of an encrypted key on the terminal. Zenoh takes no such key.
+            # Without a password, OpenSSL asks on the terminal for that of an encrypted key. Zenoh takes no such key.
             context.load_cert_chain(paths["connect_certificate"], paths.get("connect_private_key"), password="")
         yield context
 
