@@ -64,7 +64,7 @@ fuzz: $(READY) ## Attacks the server with FUZZ_COUNT hostile inputs (FUZZ_SEED c
 
 soak: $(READY) ## Serves under load for SOAK_SECONDS; memory, threads and files must stay flat. Then kills WORKER_KILLS workers.
 	@PYTHONPATH=tests $(RUN)/python -m hostile.soak --seconds $(SOAK_SECONDS)
-	@test ! -e tests/hostile/worker_kills.py || PYTHONPATH=tests $(RUN)/python -m hostile.worker_kills --count $(WORKER_KILLS)
+	@PYTHONPATH=tests $(RUN)/python -m hostile.worker_kills --count $(WORKER_KILLS)
 
 docs: $(READY) ## Builds the documentation as a site, into build/site; a broken link is an error.
 	@$(RUN)/python docs/site/build.py

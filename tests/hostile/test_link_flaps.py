@@ -29,6 +29,8 @@ class Cable:
     def __init__(self):
         mark = uuid.uuid4().hex[:6]
         self.near, self.far = f"mjplug-near-{mark}", f"mjplug-far-{mark}"
+
+    def lay(self):
         for name in (self.near, self.far):
             ip("netns", "add", name)
             ip("-n", name, "link", "set", "lo", "up")
@@ -54,7 +56,7 @@ class Cable:
 
     def remove(self):
         for name in (self.near, self.far):
-            ip("netns", "del", name)
+            subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
 
 
 @pytest.fixture
@@ -62,8 +64,14 @@ def cable():
     if not has_network_namespaces():
         lacking("this process may not make network namespaces")
     made = Cable()
-    yield made
-    made.remove()
+    try:
+        try:
+            made.lay()
+        except subprocess.CalledProcessError as error:
+            lacking(f"no cable between network namespaces on this machine: {error.stderr.strip()}")
+        yield made
+    finally:
+        made.remove()
 
 
 class FarClient:
@@ -74,7 +82,9 @@ class FarClient:
             ["ip", "netns", "exec", cable.far, sys.executable, str(PROGRAM), "tcp/10.0.0.1:7000", str(config)],
             env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
-        assert self._process.stdout.readline() == "connected\n"
+        if self._process.stdout.readline() != "connected\n":
+            self.kill()
+            raise AssertionError("the far client did not connect")
 
     def ask(self, word):
         self._process.stdin.write(f"{word}\n")

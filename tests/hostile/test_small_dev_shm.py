@@ -6,6 +6,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from camera_scenes import gl  # noqa: F401 - a fixture
 from cli.process import COMMAND, STARTING, Served, environment
 from machine import lacking
 
@@ -17,10 +18,11 @@ CLIENTS = 6
 MODEL = """
 <mujoco>
   <worldbody>
-    <geom type="plane" size="20 20 .1"/>
+    <light pos="0 0 3"/><geom type="plane" size="20 20 .1"/>
     <body name="robot" pos="0 0 .5"><freejoint/><geom type="box" size=".1 .1 .1"/>
       <site name="eye" pos="0 0 .3"/></body>
     <body name="post" pos="2 0 1"><geom type="box" size=".1 .1 1"/></body>
+    <camera name="overview" pos="0 -3 2" xyaxes="1 0 0 0 .5 .85" resolution="640 480"/>
   </worldbody>
 </mujoco>
 """
@@ -33,6 +35,7 @@ plugins:
     type: lidar
     front:
       {site: eye, topic: /scan, resolution: [360, 1], azimuth_range: [-3, 3], elevation_range: 0, max_range: 9}
+  camera: {type: camera}
 remap: {/base_velocity/cmd_vel: /cmd_vel}
 """
 
@@ -49,6 +52,7 @@ def in_small_shm(megabytes, *command):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("gl")
 @pytest.mark.parametrize("megabytes", [2, 64])
 def test_a_server_its_workers_and_clients_work_with_a_small_dev_shm(tmp_path, megabytes):
     (tmp_path / "model.xml").write_text(MODEL)
@@ -66,6 +70,9 @@ def test_a_server_its_workers_and_clients_work_with_a_small_dev_shm(tmp_path, me
         with connect(server.endpoint, timeout=STARTING) as client:
             scan = client.subscribe("/scan")
             assert scan.next(STARTING).header.frame_id
+            image = client.subscribe("/camera/overview/color").next(STARTING)
+            assert (image.width, image.height, len(image.data)) == (640, 480, 640 * 480 * 3)
+            assert len(set(bytes(image.data))) > 10, "something is drawn"
             assert client.call("~/set_pause", paused=False).message == "the simulation is already running"
         maps = Path(f"/proc/{server.process.pid}/maps").read_text()
         assert "/dev/shm" not in maps
