@@ -47,6 +47,7 @@ class ToRos:
         self._open = True
         self._guard = threading.Lock()
         self._refused = 0
+        self._failed = 0
         self.poll()
 
     def poll(self) -> None:
@@ -104,10 +105,19 @@ class ToRos:
                 return
             try:
                 self._publisher.publish(payload)
-            except Exception:
+            except Exception as error:
                 # An interrupt takes the context away before the bridge hears of it.
                 if rclpy.ok():
-                    raise
+                    self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Says once that ROS refused a message; the thread must live on for those that follow."""
+        self._failed += 1
+        if self._failed == 1:
+            self._node.get_logger().error(
+                f"a message on the key {self._entry.key} could not be published in ROS, and others may follow that are "
+                f"not reported: {error}"
+            )
 
     def _refuse(self, sample: zenoh.Sample, payload: bytes) -> None:
         """Keeps from ROS what its readers would take for a message, and says so once."""

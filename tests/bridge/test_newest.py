@@ -3,6 +3,9 @@
 import threading
 
 import pytest
+import zenoh
+
+from mjplug_schemas.std_msgs import String
 
 PATIENCE = 20.0
 
@@ -57,3 +60,87 @@ def test_nothing_is_handled_after_the_end():
     reader.leave.release()
     assert not reader.entered.acquire(timeout=0.2)
     assert reader.handled == [0]
+
+
+class FakeNode:
+    """Makes one publisher, itself, whose `publish` is the test's."""
+
+    def __init__(self, publish):
+        self.publish = publish
+        self.errors = []
+
+    def create_publisher(self, *arguments, **options):
+        return self
+
+    def get_subscription_count(self):
+        return 1
+
+    def get_logger(self):
+        return self
+
+    def error(self, sentence):
+        self.errors.append(sentence)
+
+    def destroy_publisher(self, publisher):
+        pass
+
+
+@pytest.fixture
+def to_ros(monkeypatch):
+    """Makes the ROS side of a topic, on a Zenoh session of its own; returns what puts a message on it."""
+    import rclpy
+
+    from mjplug_bridge_ros2.listing import QoS, TopicEntry
+    from mjplug_bridge_ros2.topics import ToRos
+
+    monkeypatch.setattr(rclpy, "ok", lambda: True)
+    config = zenoh.Config()
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("listen/endpoints", "[]")
+    session = zenoh.open(config)
+    topics = []
+
+    def make(node, depth):
+        entry = TopicEntry("/words", "words", String.TYPE, "", True, QoS(depth, reliable=True, latched=False))
+        topics.append(ToRos(node, session, entry, "/words", String))
+        return lambda word: session.put("words", String(data=word).to_cdr(), encoding="application/cdr")
+
+    yield make
+    for topic in topics:
+        topic.close("the test is over")
+    session.close()
+
+
+def test_a_topic_whose_publisher_is_slow_drops_its_oldest_messages(to_ros):
+    reader = SlowReader()
+    put = to_ros(FakeNode(reader.handle), 2)
+    put("first")
+    assert reader.entered.acquire(timeout=PATIENCE)
+    for number in range(50):
+        put(str(number))
+    for _ in range(2):
+        reader.leave.release()
+        assert reader.entered.acquire(timeout=PATIENCE)
+    reader.leave.release()
+    assert [String.from_cdr(payload).data for payload in reader.handled] == ["first", "48", "49"]
+
+
+def test_a_message_that_ros_refuses_does_not_end_its_topic(to_ros):
+    published = []
+    came = threading.Semaphore(0)
+
+    def publish(payload):
+        published.append(String.from_cdr(payload).data)
+        came.release()
+        if published[-1] == "wrong":
+            raise RuntimeError("Failed to publish")
+
+    node = FakeNode(publish)
+    put = to_ros(node, 10)
+    for word in ("wrong", "right", "wrong", "right"):
+        put(word)
+        assert came.acquire(timeout=PATIENCE)
+    assert published == ["wrong", "right", "wrong", "right"]
+    (sentence,) = node.errors
+    assert sentence.startswith("a message on the key words could not be published in ROS")
+    assert sentence.endswith(": Failed to publish")
