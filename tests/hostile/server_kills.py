@@ -39,12 +39,12 @@ class Caller(threading.Thread):
             with connect(self._endpoint, timeout=30.0) as client:
                 while self.error is None:
                     try:
-                        if self._random.random() < 0.1:
-                            # A call that waits for ever, as the simulation is paused.
-                            client.call("/external_wrench/apply_wrench", timeout=TIMEOUT, **waiting)
                         client.call("~/step_simulation", steps=1, timeout=TIMEOUT)
                         self.calls += 1
                         self.started_calls.set()
+                        if self._random.random() < 0.1:
+                            # A call that waits for ever, as the simulation is paused.
+                            client.call("/external_wrench/apply_wrench", timeout=TIMEOUT, **waiting)
                     except ClientError as error:
                         self.error = error
         except ClientError as error:
