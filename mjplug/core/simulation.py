@@ -73,8 +73,9 @@ class Simulation:
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
         self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
-        # MuJoCo's sum of time steps; not the bits of `time.seconds`.
-        self._checkpoint_time = self.data.time
+        # `data.time` as of the last step that went well: MuJoCo's sum of time steps, not the bits of `time.seconds`.
+        self._summed_time = self.data.time
+        self._timestep = float(model.opt.timestep)
         self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
@@ -105,7 +106,6 @@ class Simulation:
     def checkpoint(self) -> None:
         """Notes the state to go back to if the coming steps diverge."""
         self._checkpoint.save()
-        self._checkpoint_time = self.data.time
 
     def advance(self, steps: int) -> Divergence | None:
         """Takes physics steps; `checkpoint` must have been called at this boundary.
@@ -134,6 +134,8 @@ class Simulation:
         if warnings[_QPOS] or warnings[_QVEL] or warnings[_QACC]:
             return self._rewind(steps)
         self.step += steps
+        # Of one step, the same sum as MuJoCo's: reading `data.time` takes several times as long.
+        self._summed_time = self._summed_time + self._timestep if steps == 1 else self.data.time
         return None
 
     def velocity_hold(self, dofs: Sequence[int], owner: str) -> tuple[VelocityHold, set[str]]:
@@ -190,7 +192,7 @@ class Simulation:
             mujoco.mj_setState(model, data, self._initial, _STATE)
         else:
             mujoco.mj_resetDataKeyframe(model, data, keyframe)
-        data.time = self.time.seconds(self.step)
+        data.time = self._summed_time = self.time.seconds(self.step)
         self._kinematics_current = False
 
     def keyframes(self) -> list[str]:
@@ -266,14 +268,14 @@ class Simulation:
         found = divergence.find(self.model, self.data)
         self._restore()
         if steps > 1:
-            begin, first, began_at = self._checkpoint, self.step, self._checkpoint_time
+            begin, first, began_at = self._checkpoint, self.step, self._summed_time
             self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
             for _ in range(steps):
                 self.checkpoint()
                 again = self.advance(1)
                 if again is not None:
                     return again
-            self._checkpoint, self.step, self._checkpoint_time = begin, first, began_at
+            self._checkpoint, self.step, self._summed_time = begin, first, began_at
             self._restore()
         if found is None:
             raise MjplugError("MuJoCo counted a bad state that it does not name")
@@ -281,7 +283,7 @@ class Simulation:
 
     def _restore(self) -> None:
         self._checkpoint.restore()
-        self.data.time = self._checkpoint_time
+        self.data.time = self._summed_time
         self._kinematics_current = False
         divergence.clear(self.data)
 

@@ -66,24 +66,23 @@ class Steppers:
         self._set_active({*self.active} - {stepper})
 
     def update(self) -> None:
-        """Lets the active ones write what the coming step needs, each once; when one fails, what it wrote is undone."""
-        override = self._override
+        """Lets the active ones write what the coming step needs, each once.
+
+        When one fails, the forces and velocity overrides that it wrote are undone; the others are updated all the same.
+        """
         self._simulation.clear_forces()
-        if override is not None:
-            override.clear()
+        if self._override is not None:
+            self._override.clear()
         begun = False
         for stepper in self.active:
             if begun:
                 self._save()
             try:
                 stepper.update()
-                begun = True
             except BaseException as error:
-                if not is_fault(error):
-                    raise
-                self._undo(begun)
-                self.deactivate(stepper)
-                stepper.failed(error)
+                self._failed(stepper, error, begun)
+            else:
+                begun = True
 
     def override(self) -> None:
         """Writes the velocities that `update` has left in `velocity_override`."""
@@ -95,6 +94,13 @@ class Steppers:
         self._simulation.clear_forces()
         for stepper in self._all:
             stepper.on_reset()
+
+    def _failed(self, stepper: Stepper, error: BaseException, begun: bool) -> None:
+        if not is_fault(error):
+            raise error
+        self._undo(begun)
+        self.deactivate(stepper)
+        stepper.failed(error)
 
     def _save(self) -> None:
         """Notes what the steppers so far have written, in case the next one fails."""
