@@ -1,6 +1,5 @@
 """The physics loop: the one place where steps are taken and everything that touches the state is called."""
 
-import logging
 from collections.abc import Callable, Generator
 from time import perf_counter
 
@@ -13,7 +12,6 @@ from mjplug.core.scheduler import Scheduler, Slow
 from mjplug.core.simulation import Simulation
 from mjplug.core.step_goals import StepGoals
 from mjplug.core.steppers import Steppers
-from mjplug.core.throttle import Throttle
 from mjplug.core.timing import Timing
 from mjplug.errors import MjplugError, RequestError, is_fault
 from mjplug.limits import LONGEST_TIME
@@ -27,8 +25,6 @@ SECOND = 1.0
 """How often `on_second` and `on_idle` are called [s of wall time]."""
 
 _LARGEST_BATCH = 10_000
-
-_log = logging.getLogger(__name__)
 
 
 class Loop:
@@ -80,7 +76,6 @@ class Loop:
         self.failure: MjplugError | None = None
         self._end_of_time = simulation.time.steps_covering(LONGEST_TIME * 1_000_000_000 + 1) - 1
         self.last_step = self._end_of_time
-        self._failures = Throttle(SECOND)
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
@@ -102,8 +97,7 @@ class Loop:
         except BaseException as error:
             if not is_fault(error):
                 raise
-            if self._failures.admit(perf_counter()):
-                _log.exception("a service failed%s", self._failures.held())
+            self.scheduler.failures.log("a service failed")
             call.refuse(f"internal error: {error!r}")
 
     def pause(self) -> None:

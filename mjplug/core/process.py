@@ -6,12 +6,16 @@ import gc
 import logging
 import os
 import platform
+import re
 import struct
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from time import monotonic
 
 import mujoco
+
+from mjplug.core.throttle import Throttle
 
 SWITCH_INTERVAL = 1e-4
 """How long [s] another thread may keep the GIL from the physics thread; Python's 5 ms are many steps."""
@@ -19,6 +23,10 @@ SWITCH_INTERVAL = 1e-4
 SLICE_NS = 100_000
 """Scheduler slice of the physics thread [ns]; Linux 6.12 and later run a thread with a short one soon."""
 
+WARNING_SECONDS = 10.0
+"""Wall time between two log lines with the same kind of warning from MuJoCo [s]."""
+
+_DIGIT = re.compile(r"\d")
 _PR_SET_TIMERSLACK = 29
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 
@@ -31,8 +39,24 @@ def tame_mujoco() -> None:
     config.logto_file = False
     config.logto_console = False
     mujoco.MjLogConfig.set(config)
-    mujoco.set_mju_user_warning(lambda text: _log.warning("MuJoCo: %s", text))
+    mujoco.set_mju_user_warning(_throttled_warnings())
     clear_timer_callback()
+
+
+def _throttled_warnings() -> Callable[[str], None]:
+    """Returns what logs MuJoCo's warnings, each kind at most once in `WARNING_SECONDS`.
+
+    MuJoCo warns once of each kind until it is told to forget, as after each divergence, which clients can repeat.
+    """
+    throttles: dict[str, Throttle] = {}
+
+    def warn(text: str) -> None:
+        # Warnings of one kind differ in their numbers.
+        throttle = throttles.setdefault(_DIGIT.split(text, maxsplit=1)[0], Throttle(WARNING_SECONDS))
+        if throttle.admit(monotonic()):
+            _log.warning("MuJoCo: %s%s", text, throttle.held())
+
+    return warn
 
 
 def clear_timer_callback() -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from fractions import Fraction
 from typing import Protocol
 
+from mjplug.core.throttle import FailureLog
 from mjplug.errors import RequestError, is_fault
 from mjplug_schemas.message import Message
 
@@ -105,9 +106,10 @@ class Job:
         done: Whether it has been answered.
     """
 
-    def __init__(self, generator: Slow, answer: Answer, owner: object) -> None:
+    def __init__(self, generator: Slow, answer: Answer, owner: object, failures: FailureLog) -> None:
         self.owner = owner
         self.done = False
+        self._failures = failures
         self._generator = generator
         self._answer = answer
 
@@ -129,7 +131,7 @@ class Job:
         except BaseException as error:
             if not is_fault(error):
                 raise
-            _log.exception("a service failed while it waited")
+            self._failures.log("a service failed")
             self._answer.refuse(f"internal error: {error!r}")
         self.done = True
         return None
@@ -144,7 +146,7 @@ class Job:
         except BaseException as error:
             if not is_fault(error):
                 raise
-            _log.exception("a service failed while it was closed")
+            self._failures.log("a service failed while it was closed")
         self._answer.refuse(reason)
 
 
@@ -153,6 +155,7 @@ class Scheduler:
 
     Attributes:
         next_due: The earliest step at which something is due; NEVER if nothing is.
+        failures: Where failures of services are logged.
 
     Args:
         now: Returns the number of steps taken so far.
@@ -160,6 +163,7 @@ class Scheduler:
 
     def __init__(self, now: Callable[[], int]) -> None:
         self.next_due = NEVER
+        self.failures = FailureLog(_log)
         self._now = now
         self._heap: list[tuple[int, int, Callable[[int], None]]] = []
         self._order = itertools.count()
@@ -202,7 +206,7 @@ class Scheduler:
 
     def start(self, generator: Slow, answer: Answer, owner: object = None) -> None:
         """Runs a slow service to its first wait and keeps it until it has answered."""
-        job = Job(generator, answer, owner)
+        job = Job(generator, answer, owner, self.failures)
         self._jobs[job] = None
         self._resume(job)
 
@@ -217,7 +221,8 @@ class Scheduler:
     def close_jobs(self, reason: str, owner: object = None) -> None:
         """Ends every waiting request, or those of one owner, with `reason`."""
         for job in [job for job in self._jobs if owner is None or job.owner is owner]:
-            del self._jobs[job]
+            # One that was closed before may have let this one end.
+            self._jobs.pop(job, None)
             job.close(reason)
 
     def rephase(self, step: int) -> None:
@@ -262,5 +267,5 @@ class Scheduler:
                 return
         self._jobs.pop(job, None)
         reason = f"it waited {MOST_REACHED_WAITS} times in a row for what was past; a step later is `host.step + 1`"
-        _log.error("a service was ended: %s", reason)
+        self.failures.log(f"a service was ended: {reason}")
         job.close(f"internal error: {reason}")

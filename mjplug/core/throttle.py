@@ -1,5 +1,9 @@
 """Keeps a fault that repeats from filling the log."""
 
+import logging
+import sys
+from time import perf_counter
+
 
 class Throttle:
     """Lets one log line through in each span of wall time, and counts the others.
@@ -25,3 +29,20 @@ class Throttle:
         """Returns ` (N more since the last line)` for the lines held back since it was last called, or nothing."""
         held, self._held = self._held, 0
         return f" ({held} more since the last line)" if held else ""
+
+
+class FailureLog:
+    """Logs failures that clients can repeat at will, with their tracebacks, at most once a second.
+
+    Args:
+        logger: Where they are logged.
+    """
+
+    def __init__(self, logger: logging.Logger) -> None:
+        self._logger = logger
+        self._throttle = Throttle(1.0)
+
+    def log(self, what: str) -> None:
+        """Logs a sentence, and the exception that is being handled if there is one; or counts it."""
+        if self._throttle.admit(perf_counter()):
+            self._logger.error("%s%s", what, self._throttle.held(), exc_info=sys.exc_info()[0] is not None)

@@ -168,6 +168,31 @@ def test_closing_runs_finally_and_gives_the_reason():
     assert not answers.responses
 
 
+def test_a_request_whose_closing_lets_another_one_end_does_not_stop_the_closing():
+    scheduler, first, second, third, event = Clocked(), Answers(), Answers(), Answers(), Event()
+
+    def releases():
+        try:
+            yield 10
+        finally:
+            event.set()
+
+    def released():
+        yield event
+        return String(data="released")
+
+    def waits():
+        yield 10
+
+    for generator, answers in ((releases(), first), (released(), second), (waits(), third)):
+        scheduler.start(generator, answers)
+    scheduler.close_jobs("cancelled")
+    assert first.refusals == third.refusals == ["cancelled"]
+    assert second.responses == [String(data="released")]
+    assert not second.refusals
+    assert scheduler.waiting == 0
+
+
 @pytest.mark.parametrize(
     ("error", "reason"),
     [

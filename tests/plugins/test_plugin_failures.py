@@ -133,10 +133,11 @@ def test_an_error_in_a_service_goes_to_its_client_and_the_plugin_goes_on(serve, 
     assert server.plugins["hooked"].updates == 100
 
 
-def test_a_service_that_fails_each_time_does_not_fill_the_log(serve, monkeypatch, caplog):
-    monkeypatch.setattr(Hooked, "hook", "immediate")
+@pytest.mark.parametrize("hook", ["immediate", "slow"])
+def test_a_service_that_fails_each_time_does_not_fill_the_log(serve, monkeypatch, caplog, hook):
+    monkeypatch.setattr(Hooked, "hook", hook)
     server, transport = serve("stop")
-    calls = [transport.call("/immediate") for _ in range(500)]
+    calls = [transport.call(f"/{hook}") for _ in range(500)]
     server.run(duration=0.2)
     assert all(call.refusal == "internal error: SystemExit(3)" for call in calls)
     assert 1 <= len([record for record in caplog.records if record.exc_info]) < 10
