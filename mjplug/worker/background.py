@@ -54,14 +54,13 @@ def take_priority(priority: str) -> None:
     """
     if sys.platform == "win32" or priority == "normal":
         return
+    if sys.platform == "linux":
+        # A container may forbid it; `nice` alone then is better than nothing.
+        with contextlib.suppress(OSError):
+            policy = os.SCHED_IDLE if priority == "idle" else os.SCHED_BATCH
+            os.sched_setscheduler(0, policy, os.sched_param(0))
     with contextlib.suppress(OSError):
-        if sys.platform != "linux":
-            os.nice(_NICE if priority == "low" else _LOWEST)
-        elif priority == "idle":
-            os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-        else:
-            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-            os.nice(_NICE)
+        os.nice(_NICE if priority == "low" else _LOWEST)
 
 
 def _watch(parent: int) -> None:

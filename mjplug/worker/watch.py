@@ -70,6 +70,9 @@ class Watch:
             self._usage, self.starved = None, 0.0
             return ""
         computed, waited = self._used()
+        if computed + waited < elapsed and runnable(self._pid):
+            # The system counts a wait for a processor when it is over; this one is not.
+            waited = elapsed - computed
         self.starved = waited / (computed + waited) if waited else 0.0
         if same:
             self._spent += max(elapsed - waited, _LEAST * elapsed)
@@ -107,3 +110,13 @@ def usage(pid: int) -> tuple[float, float] | None:
             on_processor, in_queue, _ = path.read_text(encoding="ascii").split()
             computed, waited, found = computed + int(on_processor), waited + int(in_queue), True
     return (computed / 1e9, waited / 1e9) if found else None
+
+
+def runnable(pid: int) -> bool:
+    """Whether a thread of a process computes, or waits for a processor, at this moment; False where that is unknown."""
+    for path in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with contextlib.suppress(OSError):
+            # The name of the thread stands before it in parentheses, and may have some itself.
+            if path.read_bytes().rpartition(b")")[2].split()[:1] == [b"R"]:
+                return True
+    return False

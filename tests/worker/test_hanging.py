@@ -3,13 +3,15 @@
 import logging
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
 from worker import works
 
 from mjplug.worker import watch as module
-from mjplug.worker.watch import LOOK, Watch, usage
+from mjplug.worker.watch import LOOK, Watch, runnable, usage
 
 SOON = 2.0
 """Stands for the limits, which are longer [s]; a process sends a sign of life every second."""
@@ -89,7 +91,9 @@ class Used:
 
     def __init__(self, monkeypatch):
         self.computed = self.waited = 0.0
+        self.runnable = False
         monkeypatch.setattr(module, "usage", lambda pid: (self.computed, self.waited))
+        monkeypatch.setattr(module, "runnable", lambda pid: self.runnable)
 
 
 @pytest.fixture
@@ -129,6 +133,14 @@ def test_a_silent_process_that_computes_or_waits_for_a_processor_does_not_hang_u
     assert looks(Watch(1, 60.0), 1000, None, each=starve) is None
 
 
+def test_a_process_that_has_waited_for_a_processor_for_long_and_still_waits_does_not_hang(used):
+    """The system adds a wait to the sum when it is over."""
+    used.runnable = True
+    assert looks(Watch(1, 60.0), 500, "job") is None
+    assert looks(Watch(1, 5.95), 1000, "job") == (60, "a job took longer than 5.95 s (job_timeout)")
+    assert looks(Watch(1, 60.0), 1000, None) is None
+
+
 def test_each_job_has_its_own_time(used):
     watch = Watch(1, 5.0)
     for second in range(0, 100, 4):
@@ -165,3 +177,17 @@ def test_the_system_tells_how_long_a_process_computed():
     assert after[1] >= before[1]
     assert usage(2**22 + 1) is None
     assert LOOK < module.SILENCE
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells")
+def test_a_thread_that_computes_can_run_and_a_stopped_process_cannot():
+    assert runnable(os.getpid())
+    child = subprocess.Popen(["sleep", "60"])
+    try:
+        os.kill(child.pid, signal.SIGSTOP)
+        os.waitid(os.P_PID, child.pid, os.WSTOPPED | os.WNOWAIT)
+        assert not runnable(child.pid)
+    finally:
+        child.kill()
+        child.wait()
+    assert not runnable(2**22 + 1)
