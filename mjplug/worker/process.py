@@ -12,6 +12,16 @@ from typing import IO, Any
 from mjplug.work import Job
 from mjplug.worker.messages import Failed, Setup, pack, read, unpack, write
 
+if sys.platform == "linux":
+    import fcntl
+
+PIPE_SIZE = 1 << 20
+"""Bytes that the pipe to a process holds, where the system allows it.
+
+The physics thread writes jobs to it, and a stopped process reads nothing: with Linux's 64 KiB, a job with thousands of
+tasks would block physics.
+"""
+
 _DYING = 1.0
 """How long a process may take to end after its last word [s]."""
 
@@ -42,6 +52,9 @@ class WorkerProcess:
         )
         self._stdin = _pipe(self._popen.stdin)
         self._input = self._stdin.fileno()
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                fcntl.fcntl(self._input, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._output = io.BufferedReader(_pipe(self._popen.stdout))  # type: ignore[type-var]
 
     @property

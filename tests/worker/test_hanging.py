@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -53,6 +54,23 @@ def test_a_process_that_is_stopped_while_nothing_is_to_do_is_replaced_too(server
     os.kill(told.perform("live")[1], signal.SIGSTOP)
     told.wait_for_ready(2)
     assert told.lost == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a pipe grow")
+def test_a_job_of_thousands_of_tasks_for_a_stopped_process_does_not_block_physics(server, monkeypatch):
+    """As many requests for images as a server keeps open, with long names, wait for one process."""
+    monkeypatch.setattr(module, "SILENCE", 1000.0)
+    told = server.order(works.Dies()).wait_for_ready()
+    _, stopped = told.perform("live")
+    os.kill(stopped, signal.SIGSTOP)
+    tasks = [f"trigger {number} {'camera' * 10}" for number in range(4096)]
+    physics = threading.Thread(target=told.submit, args=(tasks,), daemon=True)
+    physics.start()
+    physics.join(30.0)
+    blocked = physics.is_alive()
+    os.kill(stopped, signal.SIGKILL)
+    assert not blocked
 
 
 @pytest.mark.slow
