@@ -18,7 +18,7 @@ class Arrivals(Generic[M]):
     """Keeps the newest messages until the physics thread takes them.
 
     Each message keeps its place among the requests and messages that clients send. Only if `MOST_POSTED` messages of
-    this subscription wait already, a further one takes the place of the last of those.
+    this subscription wait already, a further one is handed over together with a message that comes before or after it.
 
     Args:
         topic: Full name of the topic; the inbox counts its replaced messages under it.
