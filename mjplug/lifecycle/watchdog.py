@@ -24,13 +24,13 @@ from mjplug.lifecycle.overseer import Overseer
 FORCED_STOP = 40
 """Exit code after a forced stop. It is a real-time signal's number too; see `Overseer`."""
 
-STOP_TIME = 3.5
+STOP_TIME = 3.3
 """Time after which a stop is forced [s]. With the farewell and a busy machine, the whole stays below 5 s."""
 
 SAME_SIGNAL = 0.5
 """Time within which a second signal does not count as one [s]."""
 
-_OVERSEER_TIME = 4.2
+_OVERSEER_TIME = 4.4
 """Time after which the other process ends this one [s]."""
 
 _FAREWELL_TIME = 0.3

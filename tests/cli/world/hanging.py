@@ -140,7 +140,7 @@ class Delegating(Plugin[Parameters]):
     """Makes the end of its worker process hang."""
 
     def init(self, host: Host, parameters: Parameters) -> None:
-        def end(self, until):
+        def end(self, *until):
             threading.Event().wait()
 
         type(host.create_worker(Sleeping(), [])).end = end
