@@ -16,9 +16,21 @@ def file_descriptors(pid="self"):
     return len(os.listdir(f"/proc/{pid}/fd"))
 
 
+POOL = 50
+"""Threads that Zenoh's runtime `net` keeps at most for short tasks; it ends those that are idle for 10 s."""
+
+
 def threads(pid="self"):
-    """Returns the number of threads of a process."""
-    return len(os.listdir(f"/proc/{pid}/task"))
+    """Returns the number of threads of a process, without the pool of Zenoh, whose size follows the load."""
+    pool = others = 0
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        try:
+            in_pool = (task / "comm").read_text().startswith("net-")
+        except OSError:
+            # It has ended meanwhile.
+            continue
+        pool, others = pool + in_pool, others + (not in_pool)
+    return others + max(0, pool - POOL)
 
 
 def children(pid):

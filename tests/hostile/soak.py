@@ -33,9 +33,6 @@ MOST_SLOPE = 0.5 * (1 << 20)
 MOST_FURTHER = 4
 """How many more file descriptors, threads or shared memory files there may be at the end."""
 
-SHORT, MOST_THREADS_IN_SHORT = 60.0, 40
-"""In a run that is shorter than this [s], so many more threads: Zenoh keeps idle ones for 10 s after a client left."""
-
 STARTED = 120.0
 """How long the worker processes may take on a busy machine until they publish [s]."""
 
@@ -172,8 +169,6 @@ def judge(tally, samples, seconds):
         values = np.array([held[name] for _, held in steady], float)
         first, last = float(np.median(values[:quarter])), float(np.median(values[-quarter:]))
         bound = MOST_RSS if name == "RSS" else MOST_FURTHER
-        if name == "threads" and seconds < SHORT:
-            bound = MOST_THREADS_IN_SHORT
         tally.counts[f"{name} grown"] = f"{(last - first) / 2**20:.1f} MiB" if name == "RSS" else int(last - first)
         if last - first > bound:
             tally.find("all", f"{name} grows from {first:.0f} to {last:.0f}, by more than {bound}")
