@@ -12,9 +12,13 @@ class Probe(Plugin[Parameters]):
 
     def init(self, host: Host, parameters: Parameters) -> None:
         self.host = host
-        self.twists: list[Twist] = []
+        # A long run must not fill memory.
+        self.twists, self.last_x = 0, 0.0
         host.create_service(Trigger, "~/state", self.tell)
-        host.create_subscription(Twist, "~/twist", self.twists.append)
+        host.create_subscription(Twist, "~/twist", self.count)
+
+    def count(self, twist: Twist) -> None:
+        self.twists, self.last_x = self.twists + 1, twist.linear.x
 
     def tell(self, request, call):
         data = self.host.data
@@ -25,7 +29,7 @@ class Probe(Plugin[Parameters]):
             "qpos": data.qpos.tolist(),
             "qvel": data.qvel.tolist(),
             "xfrc": data.xfrc_applied.tolist(),
-            "twists": len(self.twists),
-            "last_twist_x": self.twists[-1].linear.x if self.twists else 0.0,
+            "twists": self.twists,
+            "last_twist_x": self.last_x,
         }
         return Trigger.Response(success=True, message=json.dumps(state))
