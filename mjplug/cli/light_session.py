@@ -9,7 +9,7 @@ from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 
-_PATIENCE = 2.0
+_ANSWER_TIMEOUT = 2.0
 """How long to wait for the names of servers [s]; they come within a millisecond."""
 
 _NAME = re.compile(r"[A-Za-z0-9_/]+")
@@ -43,7 +43,7 @@ def light_session(endpoint: str | None, file: str | None = None, patience_ms: in
 def announced(session: zenoh.Session) -> list[str]:
     """Returns the full names of the servers that are announced on a session's network."""
     found = set()
-    for reply in session.liveliness().get("@mjplug/**", timeout=_PATIENCE):
+    for reply in session.liveliness().get("@mjplug/**", timeout=_ANSWER_TIMEOUT):
         if reply.ok is not None:
             # @mjplug/<namespace>/<node name>/<Zenoh id>
             name = "/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1])

@@ -98,7 +98,7 @@ class Interfaces:
 def access_control(interfaces: Interfaces, roles: Mapping[str, Role], known_by: str) -> dict[str, Any]:
     """Returns the access rules of a server, as the value of Zenoh's setting `access_control`.
 
-    Whoever has no role may do nothing.
+    A client without a role may do nothing.
 
     Args:
         interfaces: What the server declares.

@@ -19,7 +19,7 @@ ENCRYPTED = ("tls/", "quic/")
 """How endpoints begin over which certificates are shown."""
 
 _TLS = "transport/link/tls"
-_PATIENCE = 2.0
+_ANSWER_TIMEOUT = 2.0
 """How long to wait for each answer [s]."""
 
 _EXPIRED, _NOT_YET = 10, 9
@@ -40,7 +40,7 @@ def why_refused(config: zenoh.Config, file: Path | None, endpoint: str) -> str |
         return None
     host, port = match["host"].strip("[]"), int(match["port"])
     try:
-        with _context(config, file) as context, socket.create_connection((host, port), _PATIENCE) as plain:
+        with _context(config, file) as context, socket.create_connection((host, port), _ANSWER_TIMEOUT) as plain:
             context.check_hostname = setting(config, f"{_TLS}/verify_name_on_connect") is not False
             with context.wrap_socket(plain, server_hostname=host) as secure:
                 # What the server thinks of our certificate comes after the handshake.
@@ -78,7 +78,7 @@ def server_certificate(host: str, port: int) -> str | None:
     context.verify_mode = ssl.CERT_NONE
     try:
         with (
-            socket.create_connection((host, port), _PATIENCE) as plain,
+            socket.create_connection((host, port), _ANSWER_TIMEOUT) as plain,
             context.wrap_socket(plain, server_hostname=host) as secure,
         ):
             shown = secure.getpeercert(binary_form=True)
@@ -117,7 +117,7 @@ def _wrong_server(error: ssl.SSLCertVerificationError, file: Path | None, endpoi
         if error.verify_code == _NOT_YET:
             return f"{server} is not valid yet; compare the clocks of the two machines"
         since = f" on {day(until)}" if until is not None else ""
-        return f"{server} expired{since}; whoever runs it makes a new one with: mjplug keys renew server"
+        return f"{server} expired{since}; its operator makes a new one with: mjplug keys renew server"
     if error.verify_code in _OTHER_NAME:
         return (
             f"{server} is not for {host} ({error.verify_message}); connect by a name or address that it has, or make "

@@ -62,7 +62,7 @@ class Network:
         self._subscriptions: list[Subscription[Any]] = []
         listing = Listing(name, version("mjplug"), session.endpoint)
         self._interfaces = InterfacesQueryable(session.zenoh, listing, self._refresh)
-        # After the queryable: whoever sees the token may ask its holder at once.
+        # After the queryable: a client that sees the token may ask its holder at once.
         self._claim = identity.claim(session.zenoh, name)
 
     @property

@@ -29,7 +29,7 @@ from mjplug.wire.handshake import ENCRYPTED, server_certificate
 from mjplug.wire.zenoh_file import certificate, embedded, own_settings, read_zenoh_file, setting
 from mjplug_schemas import names
 
-_PATIENCE = 2.0
+_ANSWER_TIMEOUT = 2.0
 """How long to wait for what may never come [s]."""
 
 _NO_REQUEST = b"\xff"
@@ -164,7 +164,7 @@ def _hears(client: Client, key: str) -> bool:
 def _answers(client: Client, key: str) -> bool:
     """Whether a service answers at all; that it refuses is an answer."""
     encoding = zenoh.Encoding.APPLICATION_CDR
-    return any(True for _ in client.session.get(key, payload=_NO_REQUEST, encoding=encoding, timeout=_PATIENCE))
+    return any(True for _ in client.session.get(key, payload=_NO_REQUEST, encoding=encoding, timeout=_ANSWER_TIMEOUT))
 
 
 def _arrives(client: Client, second: Client, key: str, payload: bytes) -> bool:
@@ -190,11 +190,11 @@ def _serves(client: Client, second: Client, key: str) -> bool:
             query.reply(key, b"")
 
     with client.session.declare_queryable(key, Callback(answer, indirect=False)):
-        until = monotonic() + _PATIENCE
+        until = monotonic() + _ANSWER_TIMEOUT
         while monotonic() < until:
-            if any(reply.ok is not None for reply in second.session.get(key, timeout=_PATIENCE)):
+            if any(reply.ok is not None for reply in second.session.get(key, timeout=_ANSWER_TIMEOUT)):
                 return True
-            sleep(_PATIENCE / 10)
+            sleep(_ANSWER_TIMEOUT / 10)
     return False
 
 
@@ -229,7 +229,7 @@ def _comes(heard: "queue.SimpleQueue[Any]", again: Callable[[], None] | None = N
         if again is not None:
             again()
         try:
-            heard.get(timeout=_PATIENCE / 10)
+            heard.get(timeout=_ANSWER_TIMEOUT / 10)
         except queue.Empty:
             continue
         return True
