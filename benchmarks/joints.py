@@ -35,6 +35,7 @@ class _Transport(OfflineTransport):
     """Nobody listens, and commands come by hand."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.deliver: dict[str, Callable[[Any], None]] = {}
 
     def open_subscription(self, topic: Any, deliver: Callable[[Any], None]) -> None:
