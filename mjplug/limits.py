@@ -1,7 +1,7 @@
 """Limits of numbers that people and clients choose, so that no calculation with them overflows."""
 
 SLOWEST, FASTEST = 1e-3, 1e3
-"""Range of the real-time factor. Whoever wants to go faster than `FASTEST` wants `max`."""
+"""Range of the real-time factor; for more than `FASTEST`, use `max`."""
 
 SHORTEST_STEP, LONGEST_STEP = 1e-9, 1e3
 """Range of the model's time step [s]; stamps count nanoseconds."""

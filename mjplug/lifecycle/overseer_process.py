@@ -128,7 +128,7 @@ def main(pid: int, seconds: float, signals: int, control: int, dump: int, *rest:
         dump: As above.
         rest: `thread`, `dump_signal`, `exit_signal`.
     """
-    # Whoever stops the server may send the same signal to this process, which is needed until the server has ended.
+    # What stops the server may send the same signal to this process, which is needed until the server has ended.
     for number in (*_STOPPING, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
     process = os.pidfd_open(pid)

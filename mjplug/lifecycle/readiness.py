@@ -46,6 +46,8 @@ def wait_until_ready(loop: Loop, network: Network) -> bool:
         Callback(replies.append, drop=end, indirect=False),
         payload=GetParameters.Request().to_cdr(),
         encoding=encoding_of("cdr", GetParameters.Request),
+        # Another program may have a queryable for the same key, and never answer.
+        allowed_destination=zenoh.Locality.SESSION_LOCAL,
         timeout=READY_TIME,
     )
     until = monotonic() + READY_TIME

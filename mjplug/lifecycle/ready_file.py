@@ -33,7 +33,7 @@ class ReadyFile:
             raise _unwritable(path, error) from error
 
     def write(self, endpoint: str, server: str) -> None:
-        """Writes it. Whoever sees the file sees all of it.
+        """Writes the file; a reader never sees a part of it.
 
         Raises:
             MjplugError: It cannot be written.

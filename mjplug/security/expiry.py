@@ -24,7 +24,7 @@ def expiry_of(pem: str) -> datetime | None:
     try:
         return x509.load_pem_x509_certificate(pem.encode()).not_valid_after_utc
     except ValueError:
-        # Whoever uses it reports what is wrong with it.
+        # The code that uses the certificate reports what is wrong with it.
         return None
 
 

@@ -188,3 +188,22 @@ def test_the_quick_check_tells_a_server_that_is_not_there_from_one_that_hangs_or
     assert (hung.returncode, hung.stdout) == (6, "")
     assert hung.stderr.startswith("error: ")
     assert hung.stderr.count("\n") == 1
+
+
+def test_a_program_that_matches_every_key_and_never_answers_makes_no_server_look_unready(serve, connect, cli):
+    first = serve("bundled:box", "--set", "node_name=first")
+    asked, unanswered = [], []
+
+    def keep(query):
+        asked.append(str(query.key_expr))
+        unanswered.append(query)
+
+    silent = connect(first).session.declare_queryable("**", keep)
+    second = serve("bundled:box", "--set", "node_name=second", listen=("--connect", first.endpoint))
+    assert "second/get_parameters" not in asked
+    done = cli("doctor", "--quick", "--server", "/second", "-e", second.endpoint)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "second/get_diagnostics" in asked
+    silent.undeclare()
+    for query in unanswered:
+        query.drop()

@@ -80,6 +80,8 @@ def _diagnostics(session: "zenoh.Session", name: str, timeout: float) -> Any:
         Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
         payload=b"{}",
         encoding=zenoh.Encoding.APPLICATION_JSON,
+        # Each reply when it comes: a program that never answers must not keep back that of the server.
+        consolidation=zenoh.ConsolidationMode.NONE,
         # Ours ends the wait first.
         timeout=timeout + 1.0,
     )

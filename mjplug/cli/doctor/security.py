@@ -2,7 +2,7 @@
 
 A service is called with a request that is no request: a server that lets it in refuses it, and changes nothing. A topic
 is published to with text that is no message. In place of the server, only the empty message is published that says that
-the list of interfaces may have changed; whoever hears it reads the list anew.
+the list of interfaces may have changed; a subscriber then reads the list again.
 """
 
 import queue
