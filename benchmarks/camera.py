@@ -20,12 +20,12 @@ from benchmarks.lateness import p99_in_thread
 from benchmarks.measure import Result, pairs
 from benchmarks.world import client, model_of, network
 from mjplug.config.settings import Settings
-from mjplug.core.simulation import Simulation
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Job
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.server import Server
 from mjplug.wire.session import SessionSettings
-from mjplug.worker.workers import ProcessWorkers
+from mjplug.worker.pool import ProcessWorkerPool
 from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND, GlContext
 from mjplug_plugins.camera.view import View, camera_names, intrinsics_of
@@ -236,7 +236,7 @@ def served(uri: str) -> Iterator[tuple[Server, str]]:
     settings = Settings.model_validate({"model": uri, "sim": {"speed": 1.0}})
     selected = Selected("cameras", Camera, Camera.parameters_type(camera_publish_rate=RATE))
     with network() as opened:
-        workers = ProcessWorkers(SessionSettings(listen=("tcp/127.0.0.1:0",)), opened.session.endpoints)
+        workers = ProcessWorkerPool(SessionSettings(listen=("tcp/127.0.0.1:0",)), opened.session.endpoints)
         try:
             simulation = Simulation(model, model.key(0).name if model.nkey else "")
             yield Server(settings, simulation, opened, [selected], workers), opened.session.endpoint

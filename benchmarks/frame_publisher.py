@@ -2,7 +2,7 @@
 
 import zenoh
 
-from mjplug.frame import CdrFrame
+from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug_schemas.message import Message
 
 

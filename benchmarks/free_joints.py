@@ -11,12 +11,12 @@ from benchmarks.listener import listening
 from benchmarks.measure import Result, figure
 from benchmarks.timed_host import TimedHost
 from benchmarks.world import network
-from mjplug.core.loop import Loop
-from mjplug.core.simulation import Simulation
-from mjplug.diagnosis import Diagnostics
-from mjplug.offline import OfflineTransport, OfflineWorkers
+from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.contracts.transport import Transport
+from mjplug.physics.loop import Loop
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Publisher
-from mjplug.transport import Transport
+from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
 from mjplug_plugins.free_joint_state_publisher import FreeJointStatePublisher, FreeJointStatePublisherParameters
 
 BODIES, BURST, BURSTS = 100, 50, 40
@@ -43,7 +43,7 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
     bodies = "".join(f'<body name="body_{i}" pos="{i} 0 1"><freejoint/><geom size=".1"/></body>' for i in range(BODIES))
     simulation = Simulation(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"))
     simulation.data.qvel[:] = np.random.default_rng(0).normal(size=simulation.model.nv)
-    host = TimedHost("free_joints", Loop(simulation), transport, lambda name: name, OfflineWorkers(), Diagnostics())
+    host = TimedHost("free_joints", Loop(simulation), transport, lambda name: name, OfflineWorkerPool(), Diagnostics())
     FreeJointStatePublisher().init(host, FreeJointStatePublisherParameters(topic=TOPIC, publish_rate=1000.0))
 
     def publish() -> float:

@@ -11,12 +11,12 @@ from benchmarks.listener import listening
 from benchmarks.measure import Result, figure, pairs
 from benchmarks.timed_host import TimedHost
 from benchmarks.world import network
-from mjplug.core.loop import Loop
-from mjplug.core.simulation import Simulation
-from mjplug.diagnosis import Diagnostics
-from mjplug.offline import OfflineTransport, OfflineWorkers
+from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.contracts.transport import Transport
+from mjplug.physics.loop import Loop
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Publisher
-from mjplug.transport import Transport
+from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.sensor_msgs import JointState
@@ -77,7 +77,7 @@ def _model() -> mujoco.MjModel:
 def _host(transport: Transport) -> tuple[TimedHost, Loop]:
     loop = Loop(Simulation(_model()))
     return TimedHost(
-        "joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkers(), Diagnostics()
+        "joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkerPool(), Diagnostics()
     ), loop
 
 

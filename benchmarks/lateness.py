@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.measure import Result, pairs
 from benchmarks.world import SMALL, model_of, server
-from mjplug.core import process
+from mjplug.physics import process
 
 SECONDS, PERIOD = 2.0, 0.001
 

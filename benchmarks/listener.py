@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from time import perf_counter, sleep
 from typing import Any
 
-from mjplug.transport import Publisher
+from mjplug.contracts.transport import Publisher
 
 PATIENCE = 10.0
 """How long the process may take to start [s]."""

@@ -9,8 +9,8 @@ from zenoh import ZBytes
 from benchmarks.listener import listening
 from benchmarks.measure import Result, figure
 from benchmarks.world import network
-from mjplug.frame import CdrFrame
-from mjplug.transport import QoS, Topic
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import QoS, Topic
 from mjplug_schemas.sensor_msgs import JointState
 
 JOINTS, BURST, BURSTS = 30, 50, 40

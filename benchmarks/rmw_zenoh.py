@@ -18,13 +18,13 @@ from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 from benchmarks.measure import Result, figure
 from benchmarks.publication import JOINTS, PAUSE
 from benchmarks.world import client, network
-from mjplug.frame import CdrFrame
-from mjplug.transport import LATCHED, Publisher, QoS, Topic
-from mjplug.wire.dialect import Outlet
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import LATCHED, Publisher, QoS, Topic
+from mjplug.wire.dialect import KeyWriter
 from mjplug.wire.network import Network
 from mjplug.wire.publisher import WirePublisher
+from mjplug.wire.rmw_zenoh.key_writers import LiveRmwWriter
 from mjplug.wire.rmw_zenoh.keys import RosSettings
-from mjplug.wire.rmw_zenoh.outlets import LiveRmwOutlet
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import String
 
@@ -110,7 +110,7 @@ def _for_somebody(size: _Size) -> Iterator[Result]:
             _listened_to(stack, opened, topic, ros) for topic, ros in ((off, False), (one, False), (two, True))
         ]
         # On the same session, since two would differ by more than what is looked for.
-        publishers[0] = WirePublisher(off, [outlet for outlet in publishers[0].outlets if not _is_ros(outlet)])
+        publishers[0] = WirePublisher(off, [writer for writer in publishers[0].writers if not _is_ros(writer)])
         sends = [size.sender(publisher) for publisher in publishers]
         _in_turn(sends)
         costs = [[statistics.median(each) for each in _in_turn(sends)] for _ in range(TURNS)]
@@ -166,8 +166,8 @@ def _late_joiner() -> Result:
         return figure(what, wait, "<= 50", "{:.1f} ms", 31)
 
 
-def _is_ros(outlet: Outlet) -> bool:
-    return isinstance(outlet, LiveRmwOutlet)
+def _is_ros(writer: KeyWriter) -> bool:
+    return isinstance(writer, LiveRmwWriter)
 
 
 def _listened_to(stack: ExitStack, opened: Network, topic: Topic[Any], ros: bool) -> WirePublisher[Any]:

@@ -6,9 +6,9 @@ from time import perf_counter
 
 from benchmarks.measure import Result, pairs
 from benchmarks.world import MIDDLING, PLUGINS, SMALL, BareLoop, every_plugin, server
-from mjplug.core import process
+from mjplug.physics import process
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.server import Server
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.geometry_msgs import Twist, Vector3, Wrench, WrenchStamped
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, ExternalWrenchArray

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mjplug.core.scheduler import Timer
+from mjplug.physics.scheduler import Timer
 from mjplug.plugin import Host, Publisher
 
 

@@ -10,13 +10,13 @@ import mujoco
 import zenoh
 
 from mjplug.config.settings import Settings
-from mjplug.core import process
-from mjplug.core.model_file import load_model
-from mjplug.core.simulation import Simulation
-from mjplug.offline import OfflineWorkers
+from mjplug.model.file import load_model
+from mjplug.physics import process
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import registry
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug.wire.network import Network, open_network
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
@@ -71,7 +71,7 @@ def server(
         model.opt.timestep = timestep
     with network() as opened:
         keyframe = model.key(0).name if model.nkey else ""
-        yield Server(settings, Simulation(model, keyframe), opened, plugins, OfflineWorkers()), opened
+        yield Server(settings, Simulation(model, keyframe), opened, plugins, OfflineWorkerPool()), opened
 
 
 @contextmanager

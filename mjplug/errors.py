@@ -4,16 +4,8 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from mjplug.near_names import LONGEST, Names
-
-if TYPE_CHECKING:
-    from mjplug.config.problem import Problem
-
-_MOST_PROBLEMS = 100
-"""How many problems of a configuration the text of the error has."""
-
 
 _LONGEST_NAME = LONGEST
 """Characters of a wrong name that are shown."""
@@ -21,20 +13,6 @@ _LONGEST_NAME = LONGEST
 
 class MjplugError(Exception):
     """Root of every error that mjplug raises on purpose."""
-
-
-class ConfigError(MjplugError):
-    """The configuration is wrong; the text has every problem that was found, each with its place.
-
-    Args:
-        problems: What is wrong.
-    """
-
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(problems)
-        more = len(self.problems) - _MOST_PROBLEMS
-        lines = [str(problem) for problem in self.problems[:_MOST_PROBLEMS]]
-        super().__init__("\n".join([*lines, f"… and {more} more"] if more > 0 else lines))
 
 
 class ModelError(MjplugError):

@@ -5,9 +5,9 @@ import pytest
 from fakes import FakeTransport, InlineWorkers
 from hypothesis import settings
 
-from mjplug.core.loop import Loop
-from mjplug.core.simulation import Simulation
-from mjplug.diagnosis import Diagnostics
+from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.physics.loop import Loop
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host
 
 # A busy machine is no failure.

@@ -13,12 +13,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mjplug.core import snapshot
-from mjplug.core.inbox import Inbox
-from mjplug.core.simulation import Simulation
-from mjplug.frame import CdrFrame
-from mjplug.transport import QoS, ServiceName, Topic
-from mjplug.work import Health, Job, Order, UnavailableError
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import QoS, ServiceName, Topic
+from mjplug.contracts.work import Job, UnavailableError, WorkerSpec, WorkerStatus
+from mjplug.physics import snapshot
+from mjplug.physics.inbox import Inbox
+from mjplug.physics.simulation import Simulation
 from mjplug_schemas.message import Message
 
 
@@ -106,9 +106,9 @@ class FakeTransport:
 class InlineWorker:
     """Does the work at once, in the thread that asks; `hold` lets jobs wait as those of a busy process do."""
 
-    def __init__(self, order: Order, simulation: Simulation, inbox: Inbox) -> None:
-        self.health = Health()
-        self.order = order
+    def __init__(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> None:
+        self.status = WorkerStatus()
+        self.order = spec
         self._simulation = simulation
         self._inbox = inbox
         self._hold = False
@@ -116,27 +116,27 @@ class InlineWorker:
         model = copy.copy(simulation.model)
         self._model, self._data = model, mujoco.MjData(model)
         # As on the way to a process.
-        self.work = pickle.loads(pickle.dumps(order.work))
+        self.work = pickle.loads(pickle.dumps(spec.work))
         try:
-            said = self.work.open(model, order.publishers, logging.getLogger("worker"))
+            said = self.work.open(model, spec.publishers, logging.getLogger("worker"))
         except UnavailableError as error:
-            self.health.state, self.health.reason = "unavailable", str(error)
-            inbox.post(lambda: order.on_lost(frozenset(), self.health.reason))
+            self.status.state, self.status.reason = "unavailable", str(error)
+            inbox.post(lambda: spec.on_lost(frozenset(), self.status.reason))
         else:
-            self.health.state = "running"
-            inbox.post(lambda: order.on_ready(said))
+            self.status.state = "running"
+            inbox.post(lambda: spec.on_ready(said))
 
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
         wanted = frozenset(tasks)
-        if self.health.state == "unavailable":
-            self._inbox.post(lambda: self.order.on_lost(wanted, self.health.reason))
+        if self.status.state == "unavailable":
+            self._inbox.post(lambda: self.spec.on_lost(wanted, self.status.reason))
             return
         simulation = self._simulation
         state = np.empty(snapshot.size(simulation.model))
         snapshot.take(simulation.model, simulation.data, state)
         if self._waiting is not None:
             before = self._waiting[0].tasks
-            self.health.dropped = dict(Counter(self.health.dropped) + Counter(wanted & before))
+            self.status.dropped = dict(Counter(self.status.dropped) + Counter(wanted & before))
             wanted |= before
         self._waiting = Job(simulation.time_ns, simulation.epoch, wanted), state
         if not self._hold:
@@ -155,8 +155,8 @@ class InlineWorker:
         self._waiting = None
         snapshot.load(self._model, self._data, state)
         report = pickle.loads(pickle.dumps(self.work.perform(self._data, job)))
-        self.health.performed += 1
-        self._inbox.post(lambda: self.order.on_done(job, report))
+        self.status.performed += 1
+        self._inbox.post(lambda: self.spec.on_done(job, report))
 
 
 class InlineWorkers:
@@ -165,8 +165,8 @@ class InlineWorkers:
     def __init__(self) -> None:
         self.workers: dict[str, InlineWorker] = {}
 
-    def start(self, order: Order, simulation: Simulation, inbox: Inbox) -> InlineWorker:
-        worker = self.workers[order.name] = InlineWorker(order, simulation, inbox)
+    def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> InlineWorker:
+        worker = self.workers[spec.name] = InlineWorker(spec, simulation, inbox)
         return worker
 
     def close(self) -> None:

@@ -23,7 +23,8 @@ from mjplug.cli.service import app as service_app
 from mjplug.cli.sim import app as sim_app
 from mjplug.cli.top import top
 from mjplug.cli.topic import app as topic_app
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
 
 _CANNOT_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 

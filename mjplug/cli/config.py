@@ -72,8 +72,8 @@ def init(
     """Writes a file to begin with: every setting with its meaning, and plugins that fit the model."""
     import_mujoco()
     from mjplug.cli.config_start import starting_file
-    from mjplug.core import process
-    from mjplug.core.model_file import load_model
+    from mjplug.model.file import load_model
+    from mjplug.physics import process
 
     process.tame_mujoco()
     _write(starting_file(model, load_model(model).model), output)

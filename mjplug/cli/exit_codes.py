@@ -1,7 +1,8 @@
 """What ends the process with which code."""
 
 from mjplug.client.errors import NoServerError, RequestRefused, TimedOutError, WrongTypeError
-from mjplug.errors import ConfigError, MjplugError, ModelError, WireError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError, ModelError, WireError
 from mjplug.lifecycle.watchdog import FORCED_STOP
 
 EXIT_CODES: tuple[tuple[type[MjplugError], int], ...] = (

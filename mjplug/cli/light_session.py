@@ -15,13 +15,13 @@ _ANSWER_TIMEOUT = 2.0
 _NAME = re.compile(r"[A-Za-z0-9_/]+")
 
 
-def light_session(endpoint: str | None, file: str | None = None, patience_ms: int = 2000) -> zenoh.Session:
+def light_session(endpoint: str | None, file: str | None = None, timeout_ms: int = 2000) -> zenoh.Session:
     """Opens a client's session.
 
     Args:
         endpoint: Where a server listens; by default what the file says, or else where servers listen by default.
         file: A Zenoh configuration file.
-        patience_ms: How long to wait for a server [ms].
+        timeout_ms: How long to wait for a server [ms].
 
     Raises:
         zenoh.ZError: Nobody is there, or the file cannot be used.
@@ -29,8 +29,8 @@ def light_session(endpoint: str | None, file: str | None = None, patience_ms: in
     config = read_zenoh_file(file)
     settings = {
         "mode": "client",
-        "connect/timeout_ms": patience_ms,
-        "transport/unicast/open_timeout": patience_ms,
+        "connect/timeout_ms": timeout_ms,
+        "transport/unicast/open_timeout": timeout_ms,
         "scouting/multicast/enabled": False,
     }
     for key, value in settings.items():

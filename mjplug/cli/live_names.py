@@ -9,7 +9,7 @@ from typing import Any, Literal
 _NAME = re.compile(r"[A-Za-z0-9_/]+")
 """Other names are left out: a shell evaluates what it completes with, and the names come from the network."""
 
-_PATIENCE_MS = 1000
+_TIMEOUT_MS = 1000
 """How long to wait for a server [ms]: whoever presses TAB waits."""
 
 
@@ -35,13 +35,13 @@ def _servers(endpoint: str | None) -> Iterator[dict[str, Any]]:
 
     from mjplug.cli.light_session import light_session
 
-    with light_session(endpoint, patience_ms=_PATIENCE_MS) as session:
+    with light_session(endpoint, timeout_ms=_TIMEOUT_MS) as session:
         for reply in session.get(
             "**/interfaces",
             target=zenoh.QueryTarget.ALL,
             # Each reply when it comes: a program that never answers must not keep back those of others.
             consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=_PATIENCE_MS / 1e3,
+            timeout=_TIMEOUT_MS / 1e3,
         ):
             if reply.ok is not None:
                 yield json.loads(reply.ok.payload.to_bytes())

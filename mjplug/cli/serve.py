@@ -8,7 +8,8 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.output import say
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
 from mjplug.lifecycle.ending import QuickEnd
 from mjplug.lifecycle.watchdog import StopWatchdog
 from mjplug.limits import LONGEST_TIME
@@ -77,9 +78,10 @@ def serve(
     ending = QuickEnd()
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
-    from mjplug import serving
     from mjplug.cli.exit_codes import exit_code
     from mjplug.config.load import Option, read
+    from mjplug.lifecycle import serve as lifecycle
+    from mjplug.server import opening
 
     if duration is not None and not duration <= LONGEST_TIME:
         raise typer.BadParameter(f"it must be at most {LONGEST_TIME} s, not {duration:g}", param_hint="--duration")
@@ -94,14 +96,14 @@ def serve(
     with logging_to_stderr(-1 if quiet else verbose):
         draft = read(config, model=model, sets=sets)
         if check:
-            world = serving.prepare(draft)
-            serving.check(world)
+            world = opening.prepare(draft)
+            opening.check(world)
             say(f"ok · {world.summary}")
             return
         watchdog = StopWatchdog()
         watchdog.start()
         try:
-            serving.serve(serving.prepare(draft), duration, watchdog, ready_file, typer.echo)
+            lifecycle.serve(opening.prepare(draft), duration, watchdog, ready_file, typer.echo)
             ending.code = 0
         except MjplugError as error:
             ending.code = exit_code(error)

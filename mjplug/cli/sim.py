@@ -16,7 +16,7 @@ app = typer.Typer(name="sim", help="Pauses, steps, resets and times the simulati
 _MEASURE = 0.5
 """Wall time over which the real speed is measured [s]."""
 
-_PATIENCE = 5.0
+_ANSWER_TIMEOUT = 5.0
 """How long to wait for what a server tells of itself [s]."""
 
 
@@ -42,7 +42,7 @@ def state(
         "time": seconds,
         "speed": parameters.get("sim.speed"),
         "measured_speed": None if paused else round(measured, 3),
-        "resets": client.subscribe(f"{server.name}/epoch").next(_PATIENCE).data,
+        "resets": client.subscribe(f"{server.name}/epoch").next(_ANSWER_TIMEOUT).data,
     }
     if output == "json":
         say_json(told)
@@ -133,10 +133,10 @@ def _clock(client: "Client", server: "ServerInfo", span: float) -> tuple[float, 
     if topic is None:
         return _last_second(client, server)
     with client.subscribe(topic, depth=1) as clock:
-        first, begin = _seconds(clock.next(_PATIENCE).clock), time.monotonic()
+        first, begin = _seconds(clock.next(_ANSWER_TIMEOUT).clock), time.monotonic()
         last, end = first, begin
         while end - begin < span:
-            last, end = _seconds(clock.next(_PATIENCE).clock), time.monotonic()
+            last, end = _seconds(clock.next(_ANSWER_TIMEOUT).clock), time.monotonic()
     return last, (last - first) / (end - begin) if end > begin else 0.0
 
 
@@ -152,7 +152,7 @@ def _last_second(client: "Client", server: "ServerInfo") -> tuple[float, float]:
     """Returns what a server says itself of its time [s] and its speed, about the last second."""
     from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 
-    said = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_PATIENCE).message)
+    said = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_ANSWER_TIMEOUT).message)
     values = {value.key: value.value for status in said.status for value in status.values}
     return _seconds(said.header.stamp), float(values["real-time factor"])
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mjplug.cli.top_table import Line
     from mjplug.client import Client
 
-_PATIENCE = 3.0
+_MESSAGE_TIMEOUT = 3.0
 """How long nothing may come until one is told [s]; the server sends once a second."""
 
 _OPEN, _CLOSE = "\033[?1049h\033[?25l", "\033[?25h\033[?1049l"
@@ -52,7 +52,7 @@ def top(
         shown: list[Line] = []
         while left != 0:
             try:
-                message = messages.next(_PATIENCE)
+                message = messages.next(_MESSAGE_TIMEOUT)
             except TimedOutError:
                 if not sys.stdout.isatty():
                     raise

@@ -36,8 +36,7 @@ def parse(text: str | None) -> dict[str, Any]:
         WrongTypeError: It is no YAML, or no mapping.
     """
     from mjplug.config.document import parse_document
-    from mjplug.config.problem import Source
-    from mjplug.errors import ConfigError
+    from mjplug.config.problem import ConfigError, Source
 
     if text is None or not text.strip():
         return {}

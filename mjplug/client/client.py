@@ -14,9 +14,9 @@ from mjplug.client.errors import TimedOutError, WrongTypeError
 from mjplug.client.graph import Graph
 from mjplug.client.listing import ServiceInfo, TopicInfo
 from mjplug.client.parameters import read as read_parameters
-from mjplug.client.patience import bounded
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import Subscription
+from mjplug.client.timeouts import bounded
 from mjplug.client.types import Fields, as_message, find, known, message_class
 from mjplug_schemas import names
 from mjplug_schemas.message import Message
@@ -157,9 +157,9 @@ class Client(Graph):
         kind = known(service.type)
         given = fields if message is None else message
         sent = given if kind is None else as_message(given, kind.Request)
-        patience = request.patience(sent, self._speed(service, sent)) if timeout is None else bounded(timeout)
+        limit = request.default_timeout(sent, self._speed(service, sent)) if timeout is None else bounded(timeout)
         try:
-            response = request.send(self.session, service, sent, kind, patience)
+            response = request.send(self.session, service, sent, kind, limit)
             # Looking it up takes longer than calling it.
             self._called[name] = service
         except TimedOutError as error:

@@ -5,7 +5,7 @@ from urllib.parse import quote
 
 import zenoh
 
-from mjplug.client.patience import AT_ONCE
+from mjplug.client.timeouts import AT_ONCE
 
 _TIMEOUT = 2.0
 """How long to wait for each server [s]; it takes a millisecond, and a slow network somewhat longer."""

@@ -11,8 +11,8 @@ import zenoh
 from mjplug.client.client import Client
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.listing import server_names
-from mjplug.client.patience import bounded
 from mjplug.client.refusal import refuse_expired, why_refused
+from mjplug.client.timeouts import bounded
 from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"

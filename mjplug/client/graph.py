@@ -9,7 +9,7 @@ import zenoh
 from mjplug.client import listing
 from mjplug.client.errors import ClientError, NoServerError, TimedOutError, UnknownNameError
 from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
-from mjplug.client.patience import bounded
+from mjplug.client.timeouts import bounded
 from mjplug.client.types import find
 from mjplug_schemas import names
 from mjplug_schemas.errors import NameRuleError

@@ -11,14 +11,14 @@ from typing import Any
 import zenoh
 
 from mjplug.client.errors import ClientError, NoServerError
-from mjplug.client.patience import AT_ONCE
+from mjplug.client.timeouts import AT_ONCE
 from mjplug.errors import quoted
 from mjplug.wire.encoding import MAX_KEY
 from mjplug.wire.identity import TOKENS
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import key, validate_name
 
-_PATIENCE = 2.0
+QUERY_TIMEOUT = 2.0
 """How long to wait for a server's list [s]; it takes a millisecond, and a slow network somewhat longer."""
 
 _ATTEMPTS = 2
@@ -105,7 +105,7 @@ class ServerInfo:
     services: dict[str, ServiceInfo]
 
 
-def server_names(session: zenoh.Session, timeout: float = _PATIENCE) -> tuple[str, ...]:
+def server_names(session: zenoh.Session, timeout: float = QUERY_TIMEOUT) -> tuple[str, ...]:
     """Returns the full names of all servers on the network, in alphabetical order."""
     names = set()
     for reply in session.liveliness().get(f"{TOKENS}/**", timeout=timeout):
@@ -142,7 +142,8 @@ def ask_all(session: zenoh.Session) -> tuple[dict[str, ServerInfo], dict[str, st
         missing = sorted(announced - found.keys())[:_MOST_ASKED]
         selectors = [f"{key(name)}/interfaces" for name in missing] if attempt else ["**/interfaces"]
         queries = [
-            session.get(s, target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=_PATIENCE) for s in selectors
+            session.get(s, target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=QUERY_TIMEOUT)
+            for s in selectors
         ]
         for reply in chain.from_iterable(queries):
             if reply.ok is None:
@@ -178,7 +179,7 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
         ClientError: What it answers is no list of interfaces.
     """
     selector = f"{key(name)}/interfaces{'?schema=true' if schema else ''}"
-    for reply in session.get(selector, consolidation=AT_ONCE, timeout=_PATIENCE):
+    for reply in session.get(selector, consolidation=AT_ONCE, timeout=QUERY_TIMEOUT):
         if reply.ok is not None:
             return _told(name, reply.ok.payload.to_bytes())
         assert reply.err is not None

@@ -1,15 +1,21 @@
 """A server's parameters, as ROS has them."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import zenoh
 
 from mjplug.client.errors import RequestRefused
 from mjplug.wire.encoding import encoding_of
+from mjplug_schemas.message import Message
 from mjplug_schemas.rcl_interfaces import GetParameters, Parameter, ParameterType, ParameterValue, SetParameters
 
-if TYPE_CHECKING:
-    from mjplug.client.client import Client
+
+class Caller(Protocol):
+    """Calls services; `mjplug.client.Client` does."""
+
+    def call(self, service: str, request: Message, /) -> Any:
+        """Returns the response of a service."""
+
 
 Scalar = bool | int | float | str
 
@@ -32,7 +38,7 @@ NAMES = (
 )  # fmt: skip
 """The parameters that every server has."""
 
-_PATIENCE = 2.0
+_QUERY_TIMEOUT = 2.0
 """How long to wait for the answer [s]; it comes between two steps."""
 
 
@@ -44,7 +50,7 @@ def read(session: zenoh.Session, server: str) -> dict[str, Scalar]:
         f"{server.removeprefix('/')}/get_parameters",
         payload=request.to_cdr(),
         encoding=encoding_of("cdr", GetParameters.Request),
-        timeout=_PATIENCE,
+        timeout=_QUERY_TIMEOUT,
     ):
         if reply.ok is not None:
             told = GetParameters.Response.from_cdr(reply.ok.payload.to_bytes()).values
@@ -57,7 +63,7 @@ def scalar(value: ParameterValue) -> Any:
     return getattr(value, _FIELDS[value.type])
 
 
-def set_one(client: "Client", server: str, name: str, value: Scalar) -> None:
+def set_one(client: Caller, server: str, name: str, value: Scalar) -> None:
     """Sets a parameter of a server.
 
     Args:

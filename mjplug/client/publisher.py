@@ -7,7 +7,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError
-from mjplug.client.patience import bounded
+from mjplug.client.timeouts import bounded
 from mjplug.client.types import as_message, to_json
 from mjplug.wire.encoding import encoding_of
 

@@ -9,7 +9,7 @@ from zenoh.handlers import Callback
 
 from mjplug.client.errors import RequestRefused, TimedOutError
 from mjplug.client.listing import ServiceInfo
-from mjplug.client.patience import AT_ONCE
+from mjplug.client.timeouts import AT_ONCE
 from mjplug.client.types import to_json
 from mjplug.wire.encoding import encoding_of
 from mjplug_schemas.message import Message, Service
@@ -32,7 +32,7 @@ def simulated_time(request: Any) -> float:
     return 0.0
 
 
-def patience(request: Any, speed: float) -> float:
+def default_timeout(request: Any, speed: float) -> float:
     """Returns how long to wait for the answer to a request [s].
 
     Args:

@@ -13,7 +13,7 @@ from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
-from mjplug.client.patience import bounded
+from mjplug.client.timeouts import bounded
 from mjplug.wire.encoding import Decoder, Limits, PayloadError, Received
 
 _log = logging.getLogger(__name__)

@@ -12,9 +12,8 @@ from pathlib import Path
 from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from mjplug.config.nodes import MAX_DEPTH, compose
-from mjplug.config.problem import Mark, Problem, Source
+from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.scalar import ros_scalar
-from mjplug.errors import ConfigError
 
 KeyPath = tuple[str | int, ...]
 """Where a value is in the configuration: `("plugins", "hb", "update_rate")`."""

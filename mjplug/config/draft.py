@@ -6,10 +6,9 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from mjplug.config.origins import Origins
-from mjplug.config.problem import Problem
+from mjplug.config.problem import ConfigError, Problem
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.config.tree import Tree
-from mjplug.errors import ConfigError
 
 
 class Loaded(Origins):

@@ -11,11 +11,10 @@ from mjplug.config.draft import Draft, Loaded
 from mjplug.config.explain import show
 from mjplug.config.origins import Origins
 from mjplug.config.overrides import Option
-from mjplug.config.problem import Mark, Problem, Source
+from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.ros_params import is_ros_file, node_names, own_form
 from mjplug.config.settings import Settings
 from mjplug.config.tree import Tree
-from mjplug.errors import ConfigError
 
 __all__ = ["Draft", "Loaded", "Option", "is_model", "load", "read"]
 

@@ -8,8 +8,7 @@ from yaml.events import CollectionEndEvent, CollectionStartEvent
 from yaml.nodes import Node
 from yaml.reader import ReaderError
 
-from mjplug.config.problem import Mark, Problem, Source
-from mjplug.errors import ConfigError
+from mjplug.config.problem import ConfigError, Mark, Problem, Source
 
 try:
     from yaml import CSafeLoader as _SafeLoader

@@ -6,10 +6,10 @@ from typing import cast
 
 from mjplug.config.document import Place, parse_document, unquoted
 from mjplug.config.explain import dotted, show
-from mjplug.config.problem import Mark, Problem, Source
+from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.settings import Section, Settings
 from mjplug.config.tree import NotASectionError, Tree
-from mjplug.errors import ConfigError, did_you_mean
+from mjplug.errors import did_you_mean
 
 PREFIX = "MJPLUG_"
 

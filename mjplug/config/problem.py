@@ -1,11 +1,16 @@
 """What is wrong with a configuration, and where: the file, line and column, or the command line option."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from unicodedata import east_asian_width
 
+from mjplug.errors import MjplugError
 from mjplug.printable import lines, one_line
+
+_MOST_PROBLEMS = 100
+"""How many problems of a configuration the text of the error contains."""
 
 _WIDEST = 160
 """Source lines longer than this are shown in part."""
@@ -60,6 +65,20 @@ class Problem:
         text, before = _excerpt(mark.source.lines[mark.line - 1], mark.column - 1)
         caret = f"{' ' * 5} | {before}^ {one_line(self.hint)}".rstrip()
         return f"{head}\n{mark.line:>5} | {text}\n{caret}"
+
+
+class ConfigError(MjplugError):
+    """The configuration is wrong; the text has every problem that was found, each with its place.
+
+    Args:
+        problems: What is wrong.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        more = len(self.problems) - _MOST_PROBLEMS
+        shown = [str(problem) for problem in self.problems[:_MOST_PROBLEMS]]
+        super().__init__("\n".join([*shown, f"… and {more} more"] if more > 0 else shown))
 
 
 def _excerpt(line: str, column: int) -> tuple[str, str]:

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from time import monotonic
 from types import FrameType
 
-from mjplug.core.loop import Loop
 from mjplug.lifecycle.watchdog import SAME_SIGNAL
+from mjplug.physics.loop import Loop
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import socket
 import threading
 from collections.abc import MutableMapping
 
-from mjplug.core.inbox import Inbox
+from mjplug.physics.inbox import Inbox
 
 _log = logging.getLogger(__name__)
 

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping
 from types import FrameType
 from typing import Any
 
-from mjplug.core.loop import Loop
-from mjplug.core.simulation import Simulation
+from mjplug.physics.loop import Loop
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.guard import Guard
-from mjplug.server import Server
+from mjplug.server.server import Server
 from mjplug.wire.session import WireSession
-from mjplug.worker.worker import ProcessWorker
+from mjplug.worker.supervisor import WorkerSupervisor
 
 _STANDARD_LIBRARY = sysconfig.get_paths()["stdlib"]
 
@@ -54,7 +54,7 @@ def _part(frames: list[FrameType], plugins: Mapping[str, Plugin[Any]]) -> str:
                 return f"plugin instance {owner.name!r}"
             case Guard():
                 return f"plugin instance {owner.name!r}"
-            case ProcessWorker():
+            case WorkerSupervisor():
                 return f"the worker process of {owner.name!r}"
             case WireSession():
                 return "the Zenoh session"

@@ -6,7 +6,7 @@ from functools import partial
 from threading import Lock
 from typing import Generic, TypeVar
 
-from mjplug.core.inbox import Inbox
+from mjplug.physics.inbox import Inbox
 
 M = TypeVar("M")
 

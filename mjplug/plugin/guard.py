@@ -5,9 +5,9 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import ParamSpec, Protocol
 
-from mjplug.core.loop import Loop
-from mjplug.core.velocity import VelocityHold
 from mjplug.errors import PluginError, is_fault
+from mjplug.physics.loop import Loop
+from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.stopwatch import Stopwatch
 
 P = ParamSpec("P")
@@ -107,6 +107,6 @@ class Guard:
         self.deactivate()
         for hold in self.holds:
             hold.release()
-        self._loop.scheduler.close_jobs(self.disabled, owner=self)
+        self._loop.scheduler.cancel(self.disabled, owner=self)
         if not self._disable_on_error:
             self._loop.fail(PluginError(f"plugin {name} failed: {error!r} (on_plugin_error: stop)"))

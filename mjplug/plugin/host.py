@@ -10,19 +10,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.core.loop import SECOND, Loop
-from mjplug.core.scheduler import Slow, Timer
-from mjplug.core.throttle import Throttle
-from mjplug.core.velocity import VelocityHold
-from mjplug.diagnosis import Diagnosis, Diagnostics, Level
+from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
+from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
 from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
+from mjplug.physics.loop import SECOND, Loop
+from mjplug.physics.scheduler import Slow, Timer
+from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard, Stepping
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
-from mjplug.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
-from mjplug.work import JOB_TIMEOUT, NO_RENDERER, Job, Order, Priority, Work, Worker, Workers
+from mjplug.throttle import Throttle
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
@@ -61,7 +61,7 @@ class Host(WorldView):
         loop: Loop,
         transport: Transport,
         resolve: Resolve,
-        workers: Workers,
+        workers: WorkerPool,
         diagnostics: Diagnostics,
         seed: int = 0,
         disable_on_error: bool = False,
@@ -302,7 +302,7 @@ class Host(WorldView):
             on_lost: Gets the tasks that will not be performed, and why.
         """
         token, lockstep = object(), self._loop.lockstep
-        order = Order(
+        spec = WorkerSpec(
             self.name,
             work,
             tuple(publishers),
@@ -315,7 +315,7 @@ class Host(WorldView):
             self._guard.guarded(on_done or _nothing),
             self._guard.guarded(on_lost or _nothing),
         )
-        return self._workers.start(order, self._simulation, self._loop.inbox)
+        return self._workers.start(spec, self._simulation, self._loop.inbox)
 
     def create_diagnostic(self, name: str, task: Callable[[], Diagnosis]) -> None:
         """Adds a status to `/diagnostics`, as diagnostic_updater's `add` does.

@@ -23,16 +23,16 @@ class Parameters(BaseModel):
     )
 
 
-def _section(value: object) -> object:
+def _nested(value: object) -> object:
     if isinstance(value, bool | int | float | str):
         raise PydanticKnownError("extra_forbidden")
     return {} if value is None else value
 
 
-SECTION = BeforeValidator(_section)
-"""For parameters below names of the user's own, as in `__pydantic_extra__: dict[str, Annotated[Lidar, SECTION]]`.
+NestedParameters = BeforeValidator(_nested)
+"""Marks parameters below names that users choose: `__pydantic_extra__: dict[str, Annotated[Lidar, NestedParameters]]`.
 
-A plain value there is no section but a misspelt parameter, and is refused as one; an empty section has the defaults.
+A plain value there is refused as a misspelt parameter; an empty section gets the defaults.
 """
 
 P = TypeVar("P", bound=Parameters)

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import mujoco
 
-from mjplug.core.model_location import locate
-from mjplug.core.simulation import Simulation
+from mjplug.model.location import locate
+from mjplug.physics.simulation import Simulation
 from mjplug_schemas.builtin_interfaces import Time
 
 

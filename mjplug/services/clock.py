@@ -1,6 +1,6 @@
 """`/clock` and the reset counter: what the server says about time."""
 
-from mjplug.core.loop import Loop
+from mjplug.physics.loop import Loop
 from mjplug.plugin import CLOCK, LATCHED, Host
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import UInt64

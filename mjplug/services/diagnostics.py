@@ -3,11 +3,11 @@
 from collections import deque
 from time import perf_counter
 
-from mjplug.core.loop import SECOND, Loop
-from mjplug.diagnosis import Diagnosis, Diagnostics
+from mjplug.contracts.diagnostics import Diagnosis, Diagnostics
+from mjplug.physics.loop import SECOND, Loop
 from mjplug.plugin import DEFAULT, Call, Host
-from mjplug.services.inbox_health import InboxHealth
-from mjplug.services.simulation_health import SimulationHealth
+from mjplug.services.inbox_diagnostics import InboxDiagnostics
+from mjplug.services.simulation_diagnostics import SimulationDiagnostics
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus, KeyValue
 from mjplug_schemas.std_msgs import Header
 from mjplug_schemas.std_srvs import Trigger
@@ -44,9 +44,9 @@ def offer(host: Host, loop: Loop, diagnostics: Diagnostics, server: str) -> None
         return Trigger.Response(success=True, message=recent.to_json().decode())
 
     asked: deque[tuple[float, DiagnosticArray]] = deque(maxlen=1)
-    health = SimulationHealth(loop, perf_counter())
+    health = SimulationDiagnostics(loop, perf_counter())
     diagnostics.add("simulation", health.diagnose)
-    diagnostics.add("inbox", InboxHealth(loop.inbox).diagnose)
+    diagnostics.add("inbox", InboxDiagnostics(loop.inbox).diagnose)
     publisher = host.create_publisher(DiagnosticArray, "/diagnostics", DEFAULT)
     loop.on_second.append(publish)
     host.create_service(Trigger, "~/get_diagnostics", answer)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from mjplug.config.settings import Settings
-from mjplug.core.loop import Loop
-from mjplug.core.pacing import Speed
 from mjplug.errors import RequestError, did_you_mean, quoted
 from mjplug.limits import FASTEST, SLOWEST
 from mjplug.near_names import Names
+from mjplug.physics.loop import Loop
+from mjplug.physics.pacing import Speed
 from mjplug.plugin import Call, Host
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.rcl_interfaces import (

@@ -1,7 +1,7 @@
 """The status `plugins`: how much time each plugin takes on the physics thread."""
 
-from mjplug.core.loop import Loop
-from mjplug.diagnosis import Diagnosis
+from mjplug.contracts.diagnostics import Diagnosis
+from mjplug.physics.loop import Loop
 from mjplug.plugin.stopwatch import SAMPLES, Stopwatch
 
 

@@ -1,9 +1,9 @@
 """`~/reset_world`: the initial state or a keyframe, with overrides, all or nothing."""
 
-from mjplug.core import reset
-from mjplug.core.loop import Loop
 from mjplug.errors import RequestError
+from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host
+from mjplug.services.reset_request import validate
 from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 
 
@@ -12,7 +12,7 @@ def offer(host: Host, loop: Loop) -> None:
 
     def reset_world(request: ResetWorld.Request, call: Call) -> ResetWorld.Response:
         try:
-            plan = reset.validate(loop.simulation, request.keyframe, request.state_overrides)
+            plan = validate(loop.simulation, request.keyframe, request.state_overrides)
         except RequestError as error:
             raise RequestError(f"{error}; the world was not reset") from None
         loop.reset(plan)

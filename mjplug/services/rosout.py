@@ -5,8 +5,8 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-from mjplug.core.loop import Loop
 from mjplug.log import INSTANCES, PrintableFormatter, ros_string
+from mjplug.physics.loop import Loop
 from mjplug.plugin import Host, Publisher, QoS
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.rcl_interfaces import Log

@@ -1,8 +1,9 @@
 """`~/set_free_joint_state`: places free bodies and gives them velocities, all or none."""
 
-from mjplug.core import free_joint
-from mjplug.core.loop import Loop
+from mjplug.physics import free_joint
+from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host
+from mjplug.services.free_joint_request import validate
 from mjplug_schemas.mujoco_ros2_control_msgs import SetFreeJointState
 
 
@@ -10,7 +11,7 @@ def offer(host: Host, loop: Loop) -> None:
     """Declares the service; everything derived from the state is up to date when it answers."""
 
     def set_free_joint_state(request: SetFreeJointState.Request, call: Call) -> SetFreeJointState.Response:
-        targets = free_joint.validate(loop.simulation, request.free_joints)
+        targets = validate(loop.simulation, request.free_joints)
         if targets:
             free_joint.apply(loop.simulation, targets)
             loop.simulation.forward()

@@ -1,6 +1,6 @@
 """`~/set_pause`: stops and continues simulated time."""
 
-from mjplug.core.loop import Loop
+from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 

@@ -1,6 +1,6 @@
 """`~/step_simulation`: takes an exact number of steps from pause, at full speed."""
 
-from mjplug.core.loop import Loop
+from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host, RequestError, Slow
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 

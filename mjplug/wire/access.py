@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.security.roles import Role
-from mjplug.transport import ServiceName, Topic
 from mjplug.wire.identity import TOKENS
 from mjplug.wire.plain import key_of
 from mjplug.wire.rmw_zenoh.keys import RosSettings

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from mjplug.log import ros_string
-from mjplug.wire.dialect import Inquiry
+from mjplug.wire.dialect import RawRequest
 from mjplug.wire.encoding import Form, encode
 from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
@@ -28,14 +28,14 @@ Admission = Literal["admitted", "busy", "closed"]
 
 
 class WireCall:
-    """A decoded request. Implements `mjplug.transport.Call`; any thread may answer, the first answer counts.
+    """A decoded request. Implements `mjplug.contracts.transport.Call`; any thread may answer, the first answer counts.
 
     Attributes:
         service: The service's class.
         size: What Zenoh keeps of the request until it is answered [bytes].
 
     Args:
-        inquiry: The request as it came.
+        raw: The request as it came.
         request: The request.
         form: The form of the request, and so of the response.
         service: The service's class.
@@ -43,16 +43,16 @@ class WireCall:
     """
 
     def __init__(
-        self, inquiry: Inquiry, request: Message, form: Form, service: type[Service], open_calls: "OpenCalls"
+        self, raw: RawRequest, request: Message, form: Form, service: type[Service], open_calls: "OpenCalls"
     ) -> None:
         self.request = request
-        self.size = inquiry.size
-        self.parameters: Mapping[str, str] = inquiry.parameters
+        self.size = raw.size
+        self.parameters: Mapping[str, str] = raw.parameters
         self._form = form
         self.service = service
         self._open_calls = open_calls
         # Emptied by whoever answers: list.pop succeeds in one thread only.
-        self._inquiry = [inquiry]
+        self._raw = [raw]
 
     def respond(self, response: Message) -> None:
         """Sends the response, unless the call has been answered.
@@ -63,21 +63,21 @@ class WireCall:
         if type(response) is not self.service.Response:
             raise TypeError(f"{self.service.TYPE} needs a {self.service.Response.TYPE}, not {type(response).__name__}")
         payload = encode(response, self._form)
-        if inquiry := self._take():
-            self._open_calls.replies.post(lambda: inquiry.reply(payload, self._form))
+        if raw := self._take():
+            self._open_calls.replies.post(lambda: raw.reply(payload, self._form))
 
     def refuse(self, reason: str) -> None:
         """Answers that the request failed, unless the call has been answered."""
-        if inquiry := self._take():
-            self._open_calls.refuse(inquiry, self.service, reason, self._form)
+        if raw := self._take():
+            self._open_calls.refuse(raw, self.service, reason, self._form)
 
-    def _take(self) -> Inquiry | None:
+    def _take(self) -> RawRequest | None:
         try:
-            inquiry = self._inquiry.pop()
+            raw = self._raw.pop()
         except IndexError:
             return None
         self._open_calls.discard(self)
-        return inquiry
+        return raw
 
 
 class OpenCalls:
@@ -140,19 +140,19 @@ class OpenCalls:
                 calls.discard(call)
                 self._bytes -= call.size if call.size > SMALL else 0
 
-    def refuse(self, inquiry: Inquiry, service: type[Service], reason: str, form: Form) -> None:
+    def refuse(self, raw: RawRequest, service: type[Service], reason: str, form: Form) -> None:
         """Answers a request that will not be carried out, in the words of its response type where it has them."""
         # What is no ROS string, such as an undecodable file name in an exception, must not keep the answer back.
         response = refusal(service.Response, reason := ros_string(reason))
-        if response is None and inquiry.needs_response:
+        if response is None and raw.needs_response:
             # An error reply would hang this client; a response that says nothing is the lesser evil.
             self._untold.add(f"{service.TYPE} cannot say that a request failed: {reason}")
             response = service.Response()
         if response is None:
-            self.replies.post(lambda: inquiry.reply_error(reason))
+            self.replies.post(lambda: raw.reply_error(reason))
         else:
             payload = encode(response, form)
-            self.replies.post(lambda: inquiry.reply(payload, form))
+            self.replies.post(lambda: raw.reply(payload, form))
 
     def refuse_all(self, reason: str) -> None:
         """Refuses every call that waits."""

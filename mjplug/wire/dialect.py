@@ -1,7 +1,7 @@
 """The seam for another way to speak: how one ROS name becomes Zenoh entities, behind what publishers and services see.
 
-A dialect knows keys, encodings, attachments and tokens. It opens *outlets* for a publisher, *inlets* for a
-subscription and *doors* for a service. It knows neither message values nor what is done with them.
+A dialect knows keys, encodings, attachments and tokens. It declares writers for a publisher, subscribers for a
+subscription, and queryables for a service. It knows neither message values nor what is done with them.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 import zenoh
 
-from mjplug.transport import ServiceName, Topic
+from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.wire.encoding import Form, Received
 
 
-class Outlet(Protocol):
+class KeyWriter(Protocol):
     """One key that a publisher writes to."""
 
     @property
@@ -28,7 +28,7 @@ class Outlet(Protocol):
         """Sends an encoded message. Physics thread."""
 
     def refresh(self, key: str) -> bool:
-        """Brings `matched` up to date if this is the outlet's key; returns whether a subscriber was found. Any thread.
+        """Brings `matched` up to date if this is the writer's key; returns whether a subscriber was found. Any thread.
 
         `matched` follows subscribers with a delay.
         """
@@ -36,18 +36,18 @@ class Outlet(Protocol):
     def look(self) -> None:
         """Brings `matched` up to date, whatever the key; it takes about 6 µs. Any thread."""
 
-    def lease(self) -> "OutletLease":
+    def remote_spec(self) -> "RemoteWriterSpec":
         """Returns what another process needs to write to this key as if it were the server."""
 
 
-class OutletLease(Protocol):
+class RemoteWriterSpec(Protocol):
     """The right to write to a key in place of the server, which keeps the tokens and the listing. It pickles."""
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> Outlet:
-        """Declares the outlet on another session; `on_matched` is to be called when it gets its first listener."""
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> KeyWriter:
+        """Declares the writer on another session; `on_matched` is to be called when it gets its first listener."""
 
 
-class Inquiry(Protocol):
+class RawRequest(Protocol):
     """One request as it came, with a way back. Answered or dropped once, from any thread."""
 
     @property
@@ -67,10 +67,10 @@ class Inquiry(Protocol):
         """Whether the client needs a response of the type in any case: an error reply leaves ROS clients hanging."""
 
     def reply(self, payload: bytes, form: Form) -> None:
-        """Sends the encoded response, and ends the inquiry."""
+        """Sends the encoded response, and ends the request."""
 
     def reply_error(self, sentence: str) -> None:
-        """Answers that there is no response, and ends the inquiry."""
+        """Answers that there is no response, and ends the request."""
 
 
 class Dialect(Protocol):
@@ -82,17 +82,17 @@ class Dialect(Protocol):
     def service_keys(self, service: ServiceName) -> Mapping[str, str]:
         """Returns the keys of a service, likewise."""
 
-    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
-        """Declares what a publisher needs; `on_matched` is to be called when an outlet gets its first listener."""
+    def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
+        """Declares what a publisher needs; `on_matched` is to be called when a writer gets its first listener."""
 
-    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+    def declare_subscribers(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
         """Declares what a subscription needs."""
 
-    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
+    def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares what a service needs."""
 
     def refused(self) -> Mapping[str, int]:
         """Returns how many queries could not even be read as requests, by the name of the service."""
 
     def close(self) -> None:
-        """Makes every outlet unmatched, for good; the session undeclares the rest."""
+        """Makes every writer unmatched, for good; the session undeclares the rest."""

@@ -16,7 +16,7 @@ _LOG = logging.getLogger(__name__)
 TOKENS = "@mjplug"
 """First chunk of the tokens, `@mjplug/<namespace>/<node_name>/<Zenoh id>`: `@mjplug/**` lists all servers."""
 
-_PATIENCE = 2.0
+_QUERY_TIMEOUT = 2.0
 """How long to wait for tokens [s]; the answer comes within a millisecond unless the network is in trouble."""
 
 _CHALLENGE = 2.0
@@ -63,7 +63,7 @@ def refuse_duplicate(session: zenoh.Session, name: str) -> None:
 def _token_holder(session: zenoh.Session, name: str) -> str | None:
     """Returns the Zenoh id in a token of the name; None if there is no token."""
     found = None
-    for reply in session.liveliness().get(_tokens_of(name), timeout=_PATIENCE):
+    for reply in session.liveliness().get(_tokens_of(name), timeout=_QUERY_TIMEOUT):
         if reply.ok is not None:
             found = found or _holder(reply.ok)
     return found

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import zenoh
 from zenoh.handlers import Callback
 
-from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.plain import key_of, parameters
 from mjplug_schemas.definition import definition

@@ -6,8 +6,8 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, TypeVar
 
+from mjplug.contracts.transport import Call, ServiceName, Topic
 from mjplug.errors import WireError
-from mjplug.transport import Call, ServiceName, Topic
 from mjplug.wire import identity
 from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
@@ -27,7 +27,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Network:
-    """Implements `mjplug.transport.Transport`.
+    """Implements `mjplug.contracts.transport.Transport`.
 
     Endpoints are declared on one thread; what they deliver comes on Zenoh's threads.
 
@@ -85,9 +85,9 @@ class Network:
         # Compiles the encoder now instead of at the first step that publishes.
         topic.type().to_cdr()
         notify = on_matched or _nothing
-        outlets = [outlet for dialect in self._dialects for outlet in dialect.open_outlets(topic, notify)]
+        writers = [writer for dialect in self._dialects for writer in dialect.declare_writers(topic, notify)]
         self._list_topic(topic, "published")
-        publisher = WirePublisher(topic, outlets)
+        publisher = WirePublisher(topic, writers)
         self.publishers.append(publisher)
         return publisher
 
@@ -106,7 +106,7 @@ class Network:
         subscription = Subscription(topic, deliver, self._limits)
         self._subscriptions.append(subscription)
         for dialect in self._dialects:
-            dialect.open_inlets(topic, subscription.receive)
+            dialect.declare_subscribers(topic, subscription.receive)
         self._list_topic(topic, "subscribed")
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
@@ -124,7 +124,7 @@ class Network:
         server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._limits)
         keys: dict[str, str] = {}
         for dialect in self._dialects:
-            dialect.open_doors(service, server.receive)
+            dialect.declare_service(service, server.receive)
             keys |= dialect.service_keys(service)
         entry = ServiceEntry(service, keys)
         self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
@@ -157,9 +157,9 @@ class Network:
 
     def _refresh(self, key: str) -> bool:
         """Brings the publishers of a key up to date; returns whether one of them knows of a subscriber. Any thread."""
-        outlets = [outlet for publisher in tuple(self.publishers) for outlet in publisher.outlets]
+        writers = [writer for publisher in tuple(self.publishers) for writer in publisher.writers]
         # All of them: two publishers may share a topic.
-        found = [outlet.refresh(key) for outlet in outlets]
+        found = [writer.refresh(key) for writer in writers]
         return any(found)
 
     def _check(self, topic: Topic[Any]) -> None:

@@ -15,11 +15,11 @@ from urllib.parse import unquote
 import zenoh
 from zenoh.handlers import Callback
 
-from mjplug.transport import ServiceName, Topic
-from mjplug.wire.dialect import Inquiry, Outlet
+from mjplug.contracts.transport import ServiceName, Topic
+from mjplug.wire.dialect import KeyWriter, RawRequest
 from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
-from mjplug.wire.inlets import open_inlet
-from mjplug.wire.outlets import LatchedOutlet, LiveOutlet
+from mjplug.wire.key_subscriber import declare_key_subscriber
+from mjplug.wire.key_writers import LatchedWriter, LiveWriter
 from mjplug_schemas import names
 
 _BRIDGE_MARK = b"rqh"
@@ -40,8 +40,8 @@ class PlainDialect:
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
-        self._outlets: list[LiveOutlet | LatchedOutlet] = []
-        self._inlets: list[object] = []
+        self._writers: list[LiveWriter | LatchedWriter] = []
+        self._declared: list[object] = []
 
     def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
         """Returns the CDR key and the JSON key."""
@@ -51,51 +51,53 @@ class PlainDialect:
         """Returns the key."""
         return {"key": key_of(service.name)}
 
-    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
+    def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
         """Declares the two publishers of a topic."""
-        outlets = [self._open_outlet(topic, form, on_matched) for form in _FORMS]
-        self._outlets += outlets
-        return [*outlets]
+        writers = [self._declare_writer(topic, form, on_matched) for form in _FORMS]
+        self._writers += writers
+        return [*writers]
 
-    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+    def declare_subscribers(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
         """Declares the two subscribers of a topic."""
         for form in _FORMS:
             only: Form | None = "json" if form == "json" else None
             handler = Callback(_sample_handler(receive, only), indirect=False)
             key = key_of(topic.name, form)
-            self._inlets.append(open_inlet(self._session, key, handler, topic.qos))
+            self._declared.append(declare_key_subscriber(self._session, key, handler, topic.qos))
 
-    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
+    def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares the queryable of a service."""
         key = key_of(service.name)
         encodings = {form: encoding_of(form, service.type.Response) for form in _FORMS}
 
         def handle(query: zenoh.Query) -> None:
             if str(query.key_expr) == key:
-                receive(PlainInquiry(query, key, encodings))
+                receive(PlainRequest(query, key, encodings))
             else:
                 with query:
                     query.reply_err(f"{key} is a service; query exactly this key to call it".encode(), encoding=TEXT)
 
-        self._inlets.append(self._session.declare_queryable(key, Callback(handle, indirect=False), complete=False))
+        self._declared.append(self._session.declare_queryable(key, Callback(handle, indirect=False), complete=False))
 
     def refused(self) -> Mapping[str, int]:
         """Returns nothing: a query on a service's key is always read as a request."""
         return {}
 
     def close(self) -> None:
-        """Makes every outlet unmatched, for good."""
-        for outlet in self._outlets:
-            outlet.close()
+        """Makes every writer unmatched, for good."""
+        for writer in self._writers:
+            writer.close()
 
-    def _open_outlet(self, topic: Topic[Any], form: Form, on_matched: Callable[[], None]) -> LiveOutlet | LatchedOutlet:
+    def _declare_writer(
+        self, topic: Topic[Any], form: Form, on_matched: Callable[[], None]
+    ) -> LiveWriter | LatchedWriter:
         key, encoding = key_of(topic.name, form), encoding_of(form, topic.type)
         if topic.qos.durability == "transient_local":
-            return LatchedOutlet(self._session, key, form, encoding, topic.qos)
-        return LiveOutlet(self._session, key, form, encoding, topic.qos, on_matched)
+            return LatchedWriter(self._session, key, form, encoding, topic.qos)
+        return LiveWriter(self._session, key, form, encoding, topic.qos, on_matched)
 
 
-class PlainInquiry:
+class PlainRequest:
     """A query on a plain key."""
 
     def __init__(self, query: zenoh.Query, key: str, encodings: Mapping[Form, zenoh.Encoding]) -> None:

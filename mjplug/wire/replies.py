@@ -11,7 +11,7 @@ from mjplug.wire.rejections import Rejections
 
 _LOG = logging.getLogger(__name__)
 
-_PATIENCE = 2.0
+_DRAIN_TIMEOUT = 2.0
 """How long `close` waits for the last answers [s]; longer than Zenoh waits for a client that does not read."""
 
 Send = Callable[[], None]
@@ -38,7 +38,7 @@ class Replies:
     def close(self) -> None:
         """Waits until what was queued has been sent, and ends the thread; a second call does nothing."""
         self._queue.put(None)
-        self._thread.join(_PATIENCE)
+        self._thread.join(_DRAIN_TIMEOUT)
 
     def _run(self) -> None:
         while send := self._queue.get():

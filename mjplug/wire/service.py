@@ -3,9 +3,9 @@
 import logging
 from collections.abc import Callable
 
-from mjplug.transport import Call, ServiceName
+from mjplug.contracts.transport import Call, ServiceName
 from mjplug.wire.calls import OpenCalls, WireCall
-from mjplug.wire.dialect import Inquiry
+from mjplug.wire.dialect import RawRequest
 from mjplug.wire.encoding import DEFAULT_LIMITS, Decoder, Limits, PayloadError
 from mjplug.wire.rejections import Rejections
 
@@ -40,19 +40,19 @@ class ServiceServer:
         self._open_calls = open_calls
         self._decoder = Decoder(service.type.Request, limits, also=service.type.TYPE, empty=True)
 
-    def receive(self, inquiry: Inquiry) -> None:
+    def receive(self, raw: RawRequest) -> None:
         """Takes one request. Never raises: Zenoh's thread has other work to do."""
         try:
-            form, request = self._decoder.decode(inquiry.received)
+            form, request = self._decoder.decode(raw.received)
         except PayloadError as error:
             self.rejections.add(str(error))
             reason = str(error)
-            if inquiry.needs_response:
-                self._open_calls.refuse(inquiry, self._service.type, reason, "cdr")
+            if raw.needs_response:
+                self._open_calls.refuse(raw, self._service.type, reason, "cdr")
             else:
-                self._open_calls.replies.post(lambda: inquiry.reply_error(reason))
+                self._open_calls.replies.post(lambda: raw.reply_error(reason))
             return
-        call = WireCall(inquiry, request, form, self._service.type, self._open_calls)
+        call = WireCall(raw, request, form, self._service.type, self._open_calls)
         admission = self._open_calls.admit(call)
         if admission == "busy":
             self.busy.add("too many requests are waiting for an answer already")

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from mjplug.transport import Topic
+from mjplug.contracts.transport import Topic
 from mjplug.wire.encoding import DEFAULT_LIMITS, Decoder, Limits, PayloadError, Received
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas.message import Message

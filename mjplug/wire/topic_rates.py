@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 
-from mjplug.diagnosis import Diagnosis
+from mjplug.contracts.diagnostics import Diagnosis
 from mjplug.wire.network import Network
 
 
@@ -44,7 +44,7 @@ class TopicRates:
         for publisher in self._network.publishers:
             topic = publisher.topic
             rate = self._rates.get(topic.name, 0.0)
-            if publisher.matched and not publisher.leased and (rate or topic.qos.durability == "volatile"):
+            if publisher.matched and not publisher.remote and (rate or topic.qos.durability == "volatile"):
                 heard[topic.name] = rate
         values = {f"{name} (Hz)": rate for name, rate in sorted(heard.items())}
         return Diagnosis(message=f"{sum(heard.values()):.6g} messages a second on {len(heard)} topics", values=values)

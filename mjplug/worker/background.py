@@ -15,7 +15,7 @@ _NICE = 5
 _LOWEST = 19
 """Niceness for `idle` where there is no SCHED_IDLE."""
 
-_GLANCE = 0.2
+_POLL_INTERVAL = 0.2
 """How often a process looks whether the server still lives, where the kernel cannot tell it [s]."""
 
 
@@ -65,5 +65,5 @@ def take_priority(priority: str) -> None:
 
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(_GLANCE)
+        time.sleep(_POLL_INTERVAL)
     os._exit(1)

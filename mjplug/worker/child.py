@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from mjplug.log import INSTANCES, PrintableQueueHandler
 from mjplug.worker import background
-from mjplug.worker.messages import BEAT, Beat, Done, Failed, Ready, Setup, pack, read, unpack, write
+from mjplug.worker.messages import BEAT_INTERVAL, Beat, ChildEnvironment, Done, Failed, Ready, pack, read, unpack, write
 
 if TYPE_CHECKING:
-    from mjplug.worker.performer import Performer
+    from mjplug.worker.child_runner import ChildRunner
 
 
 def main() -> None:
@@ -24,13 +24,13 @@ def main() -> None:
     first = line.receive()
     if first is None:
         return
-    setup: Setup = unpack(first)
-    background.die_with(setup.parent)
-    sys.path[:] = setup.sys_path
-    _log_through(line, setup)
+    environment: ChildEnvironment = unpack(first)
+    background.die_with(environment.parent)
+    sys.path[:] = environment.sys_path
+    _log_through(line, environment)
     # Before the priority of this thread is lowered, so that the signs of life come in time on a busy machine.
     threading.Thread(target=_beat, args=(line,), name="beat", daemon=True).start()
-    code = _run(line, setup, logging.getLogger(f"{INSTANCES}.{setup.name}"))
+    code = _run(line, environment, logging.getLogger(f"{INSTANCES}.{environment.name}"))
     # Without Python's own teardown, in which libraries of GL drivers are known to crash.
     os._exit(code)
 
@@ -72,72 +72,72 @@ class _LogHandler(PrintableQueueHandler):
 
 def _beat(line: _Line) -> None:
     while True:
-        sleep(BEAT)
+        sleep(BEAT_INTERVAL)
         line.send(Beat())
 
 
-def _log_through(line: _Line, setup: Setup) -> None:
+def _log_through(line: _Line, environment: ChildEnvironment) -> None:
     root = logging.getLogger()
-    root.addHandler(_LogHandler(line, f"{INSTANCES}.{setup.name}"))
-    root.setLevel(setup.log_level)
+    root.addHandler(_LogHandler(line, f"{INSTANCES}.{environment.name}"))
+    root.setLevel(environment.log_level)
 
 
-def _run(line: _Line, setup: Setup, logger: logging.Logger) -> int:
+def _run(line: _Line, environment: ChildEnvironment, logger: logging.Logger) -> int:
     try:
         import mujoco  # noqa: F401, PLC0415 - with some values of MUJOCO_GL and without their libraries, this fails
     except Exception as error:
         backend = os.environ.get("MUJOCO_GL")
         how = f" with MUJOCO_GL={backend}" if backend else ""
-        line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", hopeless=True))
+        line.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", permanent=True))
         return 1
     # Before anything makes threads, which inherit it; after the imports, which would take long on a busy machine.
-    background.take_priority(setup.priority)
-    performer = _open(line, setup, logger)
-    if performer is None:
+    background.take_priority(environment.priority)
+    runner = _open(line, environment, logger)
+    if runner is None:
         return 1
     try:
-        return _perform(line, performer, logger)
+        return _perform_jobs(line, runner, logger)
     finally:
-        performer.close()
+        runner.close()
 
 
-def _open(line: _Line, setup: Setup, logger: logging.Logger) -> "Performer | None":
+def _open(line: _Line, environment: ChildEnvironment, logger: logging.Logger) -> "ChildRunner | None":
+    from mjplug.contracts.work import UnavailableError  # noqa: PLC0415 - imports MuJoCo
     from mjplug.errors import WireError  # noqa: PLC0415
-    from mjplug.work import UnavailableError  # noqa: PLC0415 - imports MuJoCo
-    from mjplug.worker.performer import Performer  # noqa: PLC0415
+    from mjplug.worker.child_runner import ChildRunner  # noqa: PLC0415
 
     # Large, and not needed beyond this function.
-    model, assignment = line.receive(), line.receive()
-    if model is None or assignment is None:
+    model, setup = line.receive(), line.receive()
+    if model is None or setup is None:
         return None
-    performer = None
+    runner = None
     try:
-        performer = Performer(unpack(assignment), model, setup.states)
-        said = performer.open(logger)
+        runner = ChildRunner(unpack(setup), model, environment.states)
+        said = runner.open(logger)
     except Exception as error:
-        if performer is not None:
-            performer.close()
+        if runner is not None:
+            runner.close()
         if isinstance(error, UnavailableError):
-            line.send(Failed(str(error), hopeless=True))
+            line.send(Failed(str(error), permanent=True))
         elif isinstance(error, WireError):
             # The network may let it in another time.
             line.send(Failed(str(error)))
         else:
             logger.exception("the work could not be opened")
             # What the work raises now, it raises again.
-            line.send(Failed(f"it could not be opened: {error!r}", hopeless=True))
+            line.send(Failed(f"it could not be opened: {error!r}", permanent=True))
         return None
     gc.collect()
     gc.freeze()
     line.send(Ready(said))
-    return performer
+    return runner
 
 
-def _perform(line: _Line, performer: "Performer", logger: logging.Logger) -> int:
+def _perform_jobs(line: _Line, runner: "ChildRunner", logger: logging.Logger) -> int:
     while (message := line.receive()) is not None:
         slot, wanted, lag, time_ns, epoch, tasks = unpack(message)
         try:
-            line.send(Done(performer.perform(slot, time_ns, epoch, tasks, wanted, lag)))
+            line.send(Done(runner.perform(slot, time_ns, epoch, tasks, wanted, lag)))
         except Exception as error:
             logger.exception("%s could not be made", ", ".join(sorted(tasks)) or "a job")
             # A new process has a new GL context, among others; going on with a broken one would fail for ever.

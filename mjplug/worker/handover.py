@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from mjplug.work import Job
+from mjplug.contracts.work import Job
 
 Send = Callable[[int, Job], bool]
 """Tells a ready process to perform a job in a slot; False if it is gone."""

@@ -11,14 +11,14 @@ from typing import Any, BinaryIO, NamedTuple
 
 # Named tuples throughout: dataclasses that are frozen and have slots take ten times as long to pickle.
 
-BEAT = 1.0
+BEAT_INTERVAL = 1.0
 """How often a process says that it is alive [s]."""
 
 _LENGTH = struct.Struct("<Q")
 
 
-class Setup(NamedTuple):
-    """The first thing that a process hears. The compiled model and the pickled assignment follow, each as its bytes.
+class ChildEnvironment(NamedTuple):
+    """The first thing that a process hears. The compiled model and the pickled `ChildSetup` follow, each as its bytes.
 
     Attributes:
         name: The plugin instance's name.
@@ -58,11 +58,11 @@ class Failed(NamedTuple):
 
     Attributes:
         reason: Why, in one sentence.
-        hopeless: Whether another process in the same environment would come no further.
+        permanent: Whether another process in the same environment would come no further.
     """
 
     reason: str
-    hopeless: bool = False
+    permanent: bool = False
 
 
 def write(fd: int, payload: bytes) -> None:

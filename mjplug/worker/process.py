@@ -9,8 +9,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import IO, Any
 
-from mjplug.work import Job
-from mjplug.worker.messages import Failed, Setup, pack, read, unpack, write
+from mjplug.contracts.work import Job
+from mjplug.worker.messages import ChildEnvironment, Failed, pack, read, unpack, write
 
 if sys.platform == "linux":
     import fcntl
@@ -22,7 +22,7 @@ The physics thread writes jobs to it, and a stopped process reads nothing: with 
 tasks would block physics.
 """
 
-_DYING = 1.0
+_EXIT_GRACE = 1.0
 """How long a process may take to end after its last word [s]."""
 
 
@@ -62,14 +62,14 @@ class WorkerProcess:
         """Its process id."""
         return self._popen.pid
 
-    def begin(self, setup: Setup, model: bytes, assignment: bytes) -> None:
+    def begin(self, environment: ChildEnvironment, model: bytes, setup: bytes) -> None:
         """Tells it who it is. A process that is gone already is noticed by `receive`."""
         with contextlib.suppress(OSError):
-            for payload in (pack(setup), model, assignment):
+            for payload in (pack(environment), model, setup):
                 write(self._input, payload)
 
     def perform(self, slot: int, job: Job, wanted: Sequence[bool], lag: float) -> bool:
-        """Asks a ready process to perform a job; returns whether it still listens. See `Performer.perform`."""
+        """Asks a ready process to perform a job; returns whether it still listens. See `ChildRunner.perform`."""
         try:
             # Plain values: a dataclass takes ten times as long, and this is the physics thread.
             write(self._input, pack((slot, wanted, lag, job.time_ns, job.epoch, tuple(job.tasks))))
@@ -89,7 +89,7 @@ class WorkerProcess:
             self.kill()
             return Failed(f"what came from the process cannot be unpickled: {error!r}")
 
-    def hang_up(self) -> None:
+    def close_input(self) -> None:
         """Asks a ready process to end after its present job; nothing may be sent any more."""
         self._stdin.close()
 
@@ -110,7 +110,7 @@ class WorkerProcess:
     def end(self) -> str:
         """Sees to it that it has ended, and returns how, for the log. Nothing may be sent any more."""
         try:
-            code = self._popen.wait(_DYING)
+            code = self._popen.wait(_EXIT_GRACE)
         except subprocess.TimeoutExpired:
             self.kill()
             code = self._popen.wait()

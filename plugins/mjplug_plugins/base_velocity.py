@@ -5,7 +5,8 @@ import math
 import mujoco
 from pydantic import Field
 
-from mjplug.plugin import Host, Parameters, Plugin, doubles
+from mjplug.plugin import Host, Parameters, Plugin
+from mjplug.plugin.bundled import float_view
 from mjplug_plugins.free_body import free_body
 from mjplug_schemas.geometry_msgs import Twist, TwistStamped
 
@@ -58,7 +59,7 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
         self._topic = host.full_name(parameters.cmd_vel_topic)
         self._max_speed, self._max_yaw_rate = parameters.max_linear_velocity, parameters.max_yaw_rate
         self._timeout_steps = _last_step_within(host, parameters.cmd_timeout)
-        self._quat_wxyz = doubles(host.data.qpos)[base.qpos + 3 : base.qpos + 7]
+        self._quat_wxyz = float_view(host.data.qpos)[base.qpos + 3 : base.qpos + 7]
         self._hold = host.create_velocity_hold((base.dof, base.dof + 1, base.dof + 5))
         self._stop()
         if parameters.use_stamped_twist:

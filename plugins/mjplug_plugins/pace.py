@@ -93,7 +93,7 @@ class Pace:
     def slow(self, worker: Worker) -> str:
         """Returns a sentence on a worker that makes less than half of what is asked; empty if it keeps up."""
         # Of a process that is not there the log and the status tell already.
-        if worker.health.state not in {"running", "starting"}:
+        if worker.status.state not in {"running", "starting"}:
             return ""
         parts = []
         for name, source in self._sources.items():
@@ -117,7 +117,7 @@ class Pace:
 
 def why_slow(worker: Worker) -> str:
     """Returns why a worker takes long, as far as that is known."""
-    health = worker.health
+    health = worker.status
     if health.state == "starting":
         return "the worker process is still starting"
     if health.state == "restarting":

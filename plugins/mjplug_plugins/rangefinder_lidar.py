@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import SECTION, CdrFrame, Host, Parameters, Plugin, PluginError, Publisher, UnknownName
+from mjplug.plugin import CdrFrame, Host, NestedParameters, Parameters, Plugin, PluginError, Publisher, UnknownName
 from mjplug_schemas.sensor_msgs import LaserScan
 from mjplug_schemas.std_msgs import Header
 
@@ -77,7 +77,7 @@ class RangefinderLidarParameters(Parameters):
     """Parameters of RangefinderLidar; every other name is that of a lidar, with LidarParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[LidarParameters, SECTION]]
+    __pydantic_extra__: dict[str, Annotated[LidarParameters, NestedParameters]]
 
     lidar_publish_rate: float = Field(
         default=5.0, gt=0, description="Scans per second of simulated time, of every lidar [Hz]."

@@ -14,7 +14,7 @@ from bridge.ros_side import RosSide
 from cli.client import Client
 from cli.process import Served
 
-from mjplug.transport import ServiceName
+from mjplug.contracts.transport import ServiceName
 from mjplug.wire.endpoints import with_free_port
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings

@@ -4,7 +4,7 @@ import pytest
 import yaml
 from bridge.process import SOURCE
 
-from mjplug.transport import DEFAULT, QoS, Topic
+from mjplug.contracts.transport import DEFAULT, QoS, Topic
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String

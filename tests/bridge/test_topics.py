@@ -9,7 +9,7 @@ import zenoh
 from cli.client import Client
 from zenoh.handlers import Callback
 
-from mjplug.transport import LATCHED, Topic
+from mjplug.contracts.transport import LATCHED, Topic
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String, UInt64

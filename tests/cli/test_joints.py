@@ -6,7 +6,7 @@ import mujoco
 import pytest
 from cli.joint_state_topic_system import JointStateTopicSystem
 
-from mjplug.core.model_location import locate
+from mjplug.model.location import locate
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint

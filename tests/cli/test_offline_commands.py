@@ -9,7 +9,7 @@ import pytest
 import yaml
 from cli.tour import typed
 
-from mjplug.core.model_location import bundled_models
+from mjplug.model.location import bundled_models
 from mjplug.plugin import registry
 from mjplug_schemas.registry import all_types, find
 from mjplug_schemas.rihs01 import type_hash

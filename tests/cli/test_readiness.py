@@ -13,9 +13,9 @@ import pytest
 from cli.conftest import WORLD
 from cli.process import COMMAND, FREE_PORT, STARTING, STOPPING, environment, run
 
-from mjplug.core.inbox import Inbox
 from mjplug.lifecycle.ready_file import ReadyFile
 from mjplug.lifecycle.systemd import ServiceManager
+from mjplug.physics.inbox import Inbox
 
 
 class Manager:

@@ -10,7 +10,7 @@ import zenoh
 from wire.conftest import client_config
 
 from mjplug.client import ClientError, UnknownNameError, confirmation, connect, listing
-from mjplug.transport import DEFAULT, LATCHED, ServiceName, Topic
+from mjplug.contracts.transport import DEFAULT, LATCHED, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.std_msgs import Float64, String

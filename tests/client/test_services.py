@@ -76,11 +76,11 @@ def test_a_wrong_request_does_not_leave(client, name, fields, error, sentence):
         client.call("~/set_pause", StepSimulation.Request())
 
 
-def test_patience_follows_from_the_request_and_the_speed():
-    assert request.patience(push(2.0, 7.5), speed=0.5) == pytest.approx(request.MARGIN + 15.0)
-    assert request.patience(push(), speed=1.0) == request.MARGIN
-    assert request.patience(SetPause.Request(), speed=0.1) == request.MARGIN
-    assert request.patience(StepSimulation.Request(steps=1_000_000), speed=0.1) == request.MARGIN + 1000.0
+def test_the_default_timeout_follows_from_the_request_and_the_speed():
+    assert request.default_timeout(push(2.0, 7.5), speed=0.5) == pytest.approx(request.MARGIN + 15.0)
+    assert request.default_timeout(push(), speed=1.0) == request.MARGIN
+    assert request.default_timeout(SetPause.Request(), speed=0.1) == request.MARGIN
+    assert request.default_timeout(StepSimulation.Request(steps=1_000_000), speed=0.1) == request.MARGIN + 1000.0
 
 
 def test_a_wrench_is_waited_for_as_long_as_it_takes_at_the_speed_of_the_server(client, monkeypatch):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from mjplug.config import load
-from mjplug.errors import ConfigError
+from mjplug.config.load import load
+from mjplug.config.problem import ConfigError
 
 DESIGN = """\
 model: scene.xml

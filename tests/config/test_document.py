@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjplug.config.document import parse_document, read_document, split_lines
-from mjplug.config.problem import Source
+from mjplug.config.problem import ConfigError, Source
 from mjplug.config.scalar import ros_scalar
-from mjplug.errors import ConfigError
 
 
 def parse(text, name="x.yaml"):

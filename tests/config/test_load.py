@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from mjplug.config import load, read
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.load import load, read
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
 
 
 def test_the_whole_documented_file_loads(config):

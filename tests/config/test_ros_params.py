@@ -1,8 +1,8 @@
 import pytest
 
-from mjplug.config import load
+from mjplug.config.load import load
+from mjplug.config.problem import ConfigError
 from mjplug.config.ros_params import is_ros_file, matches, node_names
-from mjplug.errors import ConfigError
 
 HEARTBEAT = """\
 /**:

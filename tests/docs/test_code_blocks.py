@@ -10,14 +10,14 @@ from docs.markdown import PAGES, ROOT, Block, blocks_of
 from docs.terminal import ENDPOINT, Command, commands, matches
 from machine import need_program
 
-from mjplug.config import read
-from mjplug.core.model_file import load_model
-from mjplug.core.simulation import Simulation
-from mjplug.errors import ConfigError
-from mjplug.offline import OfflineTransport, OfflineWorkers
+from mjplug.config.load import read
+from mjplug.config.problem import ConfigError
+from mjplug.model.file import load_model
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin.registry import GROUP
 from mjplug.plugin.selection import select
-from mjplug.server import Server
+from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug_schemas import registry
 
 MAKE_TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
@@ -111,7 +111,7 @@ def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reade
         assert plugins
     model = load_model(loaded.settings.model, folder)
     Server(
-        loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkers(), model.path
+        loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkerPool(), model.path
     ).cleanup()
 
 

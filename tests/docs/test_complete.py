@@ -19,13 +19,13 @@ from mjplug.cli.app import app
 from mjplug.cli.exit_codes import EXIT_CODES, EXIT_CODES_OF_COMMANDS
 from mjplug.config.document import unquoted
 from mjplug.config.settings import PluginEntry, Settings
-from mjplug.core.model_location import SUFFIXES, bundled_models
-from mjplug.core.simulation import Simulation
-from mjplug.offline import OfflineWorkers
+from mjplug.model.location import SUFFIXES, bundled_models
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host, Plugin, registry
 from mjplug.plugin.selection import Selected
 from mjplug.plugin.world_view import WorldView
-from mjplug.server import Server
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug.wire.calls import MAX_OPEN_CALLS
 from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 
@@ -102,7 +102,7 @@ def test_every_topic_and_service_is_in_a_table_with_its_type():
     box = str(ROOT / "mjplug" / "bundled" / "box.xml")
     required = {"BaseVelocity": {"body": "box"}, "RobotDescription": {"file": box}}
     selected = [Selected(c.__name__, c, c.parameters_type(**required.get(c.__name__, {}))) for c in CLASSES]
-    Server(Settings(model="?"), Simulation(model), transport, selected, OfflineWorkers()).cleanup()
+    Server(Settings(model="?"), Simulation(model), transport, selected, OfflineWorkerPool()).cleanup()
     assert len(transport.types) >= 9
     own = rows(section(WIRE, "Names of the server"))
     described = section(PLUGINS, "Services of the server")

@@ -14,7 +14,7 @@ from docs.terminal import Command, Reader
 from wire.conftest import client_config
 
 from mjplug.client import NoServerError, TimedOutError, connect
-from mjplug.transport import QoS, ServiceName, Topic
+from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.std_msgs import Float64

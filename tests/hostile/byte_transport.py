@@ -10,7 +10,7 @@ from mjplug.wire.subscription import Subscription
 
 
 class ByteTransport:
-    """Implements `mjplug.transport.Transport` with the server's own decoders, and bytes from the attacker."""
+    """Implements `mjplug.contracts.transport.Transport` with the server's own decoders, and bytes from the attacker."""
 
     def __init__(self):
         self.open_calls = OpenCalls()
@@ -50,7 +50,7 @@ class EncodingPublisher:
 
 
 class LocalInquiry:
-    """One request; implements `mjplug.wire.dialect.Inquiry`."""
+    """One request; implements `mjplug.wire.dialect.RawRequest`."""
 
     def __init__(self, given, needs_response):
         payload = None if given.payload is None else zenoh.ZBytes(given.payload)

@@ -239,9 +239,9 @@ def main(argv=None):
     )
     # Imported before the children are forked, so that each does not do it again.
     import mjplug.cli.app
-    import mjplug.core.model_file
+    import mjplug.model.file
     import mjplug.plugin.registry
-    import mjplug.server
+    import mjplug.server.server
 
     for name in mjplug.plugin.registry.registered():
         mjplug.plugin.registry.find(name)

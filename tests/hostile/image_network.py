@@ -12,7 +12,7 @@ from queue import SimpleQueue
 import zenoh
 from zenoh.handlers import Callback
 
-from mjplug.transport import ServiceName
+from mjplug.contracts.transport import ServiceName
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings, join
 from mjplug_schemas.std_srvs import Trigger

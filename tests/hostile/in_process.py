@@ -19,13 +19,13 @@ from hostile.inputs import Inputs, encoding_of
 from hostile.observed import resident
 
 from mjplug.config.load import read
-from mjplug.core import process
-from mjplug.core.model_file import load_model
-from mjplug.core.simulation import Simulation
-from mjplug.offline import OfflineWorkers
+from mjplug.contracts.transport import ServiceName
+from mjplug.model.file import load_model
+from mjplug.physics import process
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin.selection import select
-from mjplug.server import Server
-from mjplug.transport import ServiceName
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug.wire.encoding import Received
 from mjplug.wire.rmw_zenoh.descriptions import TypeDescriptions
 from mjplug_schemas.registry import find
@@ -63,25 +63,25 @@ class Target:
         model = load_model(loaded.settings.model, *loaded.folders(("model",)))
         self.simulation = Simulation(model.model, "")
         self.transport = ByteTransport()
-        self.server = Server(loaded.settings, self.simulation, self.transport, plugins, OfflineWorkers(), model.path)
+        self.server = Server(loaded.settings, self.simulation, self.transport, plugins, OfflineWorkerPool(), model.path)
         descriptions = TypeDescriptions({one.type_name: find(one.type_name) for one in self.transport.interfaces})
         described = ServiceName("/mjplug/get_type_description", GetTypeDescription)
         self.transport.open_service(described, lambda call: call.respond(descriptions.answer(call.request)))
         self.loop = self.server.loop
 
     def send(self, given):
-        """Takes an input to its decoder, and lets the loop do what it asks for; returns the inquiry, if it is one."""
+        """Takes an input to its decoder, and lets the loop do what it asks for; returns the request, if it is one."""
         if given.verb == "get":
-            inquiry = LocalInquiry(given, given.door == "ros2")
-            self.transport.doors[given.interface.key].receive(inquiry)
+            raw = LocalInquiry(given, given.door == "ros2")
+            self.transport.doors[given.interface.key].receive(raw)
         else:
-            inquiry = None
+            raw = None
             only = {"json": "json", "ros2": "cdr"}.get(given.door)
             encoding = None if given.door == "ros2" else encoding_of(given.encoding)
             for subscription in self.transport.inlets[given.interface.key]:
                 subscription.receive(Received(zenoh.ZBytes(given.payload), encoding, only))
         self.loop.step(0)
-        return inquiry
+        return raw
 
     def call(self, key, fields):
         """Sends a right request and returns its response."""
@@ -151,13 +151,13 @@ def attack(tally, first, count):
             if given.verb == "delete":
                 continue
             began = time.thread_time()
-            inquiry = target.send(given)
+            raw = target.send(given)
             if index % 5 == 0 and not target.loop._stopping:
                 target.loop.step(2)
             slowest = max(slowest, (time.thread_time() - began, index))
             tally.inputs += 1
-            if inquiry is not None:
-                open_inquiries.append(inquiry)
+            if raw is not None:
+                open_inquiries.append(raw)
             if slowest[0] > MOST_CPU and slowest[1] == index:
                 tally.find(index, f"took {slowest[0]:.1f} s of processor time", given)
             if tracebacks.found:
@@ -190,22 +190,22 @@ def attack(tally, first, count):
 
 def _judge(tally, inquiries):
     """Checks that each request has exactly one answer, of the right type."""
-    for inquiry in inquiries:
-        if len(inquiry.answers) != 1:
-            tally.count("unanswered", not inquiry.answers)
-            tally.find(inquiry.given.index, f"{len(inquiry.answers)} answers", inquiry.given)
+    for raw in inquiries:
+        if len(raw.answers) != 1:
+            tally.count("unanswered", not raw.answers)
+            tally.find(raw.given.index, f"{len(raw.answers)} answers", raw.given)
             continue
-        ((answer, form),) = inquiry.answers
+        ((answer, form),) = raw.answers
         if form is None:
             sentence, refused = answer, True
         else:
-            response_type = find(inquiry.given.interface.type_name).Response
+            response_type = find(raw.given.interface.type_name).Response
             response = response_type.from_cdr(answer) if form == "cdr" else response_type.from_json(answer)
             refused = getattr(response, "success", True) is False
             sentence = getattr(response, "message", "") if refused else "accepted"
         tally.count("refused", refused)
         if "internal error" in sentence or not sentence.strip() or len(sentence) > 100_000:
-            tally.find(inquiry.given.index, f"the answer is {sentence[:300]!r}", inquiry.given)
+            tally.find(raw.given.index, f"the answer is {sentence[:300]!r}", raw.given)
 
 
 def main(argv=None):

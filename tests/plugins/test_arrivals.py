@@ -4,7 +4,7 @@ import weakref
 
 import pytest
 
-from mjplug.core.inbox import Inbox
+from mjplug.physics.inbox import Inbox
 from mjplug.plugin.arrivals import MOST_POSTED, Arrivals
 
 

@@ -9,7 +9,7 @@ from driven_base import BALL, BASE, DT, command, twist, velocity_in_body, world_
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug_plugins.base_velocity import BaseVelocity
 from mjplug_schemas.geometry_msgs import TwistStamped
 

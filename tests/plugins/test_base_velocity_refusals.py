@@ -9,8 +9,8 @@ from driven_base import command, twist, world_of
 from pydantic import ValidationError
 
 from mjplug.config.load import read
-from mjplug.core.model_file import load_model
 from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
 from mjplug.plugin.selection import select
 from mjplug_plugins.base_velocity import BaseVelocity, BaseVelocityParameters
 

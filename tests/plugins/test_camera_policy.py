@@ -14,8 +14,8 @@ from camera_scenes import (
     world_of,
 )
 
-from mjplug.core.reset import Reset
-from mjplug.diagnosis import Level
+from mjplug.contracts.diagnostics import Level
+from mjplug.physics.reset import Reset
 from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND
 

@@ -18,8 +18,9 @@ from camera_scenes import (
 from conftest import World
 
 from mjplug.config.load import read
-from mjplug.core.model_file import load_model
-from mjplug.errors import ConfigError, PluginError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import PluginError
+from mjplug.model.file import load_model
 from mjplug.plugin import Host, UnavailableError
 from mjplug.plugin.selection import select
 from mjplug_plugins.camera import Camera

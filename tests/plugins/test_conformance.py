@@ -6,8 +6,8 @@ import pytest
 from conftest import World
 from pydantic import ValidationError
 
-from mjplug.core.reset import Reset
 from mjplug.errors import MjplugError
+from mjplug.physics.reset import Reset
 from mjplug.plugin import Parameters, Plugin, registry
 from mjplug_schemas.names import validate_name
 

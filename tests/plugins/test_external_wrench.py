@@ -7,7 +7,7 @@ import pytest
 from conftest import BOX, World
 from wrenches import Reference, push, request
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.visualization_msgs import Marker

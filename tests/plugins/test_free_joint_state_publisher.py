@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from mjplug.config.load import read
-from mjplug.core.reset import Reset
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
+from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
 from mjplug.services import set_free_joint_state
 from mjplug_plugins.base_velocity import BaseVelocity

@@ -1,7 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug_plugins.heartbeat import Heartbeat, HeartbeatParameters
 
 

@@ -7,7 +7,7 @@ from conftest import World
 from joint_robots import MIXED, compiled
 from pydantic import ValidationError
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug_plugins.joints import JointCommands
 from mjplug_plugins.joints.parameters import PidGains
 from mjplug_plugins.joints.pid import PidBank

@@ -5,9 +5,9 @@ from conftest import World
 from joint_robots import MIXED, compiled
 from pydantic import ValidationError
 
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
 from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug.plugin import QoS
 from mjplug_plugins.joints import JointStatePublisher
 

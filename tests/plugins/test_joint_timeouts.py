@@ -3,7 +3,7 @@ import math
 from conftest import World
 from joint_robots import MIXED, compiled
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug_plugins.joints import JointCommands
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.sensor_msgs import JointState

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joint_robots import MIXED, compiled, recorded
 
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug_plugins.joints import JointCommands
 from mjplug_plugins.joints.trajectory import Motion
 from mjplug_schemas.builtin_interfaces import Duration, Time

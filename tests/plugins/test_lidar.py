@@ -9,8 +9,8 @@ import pytest
 from conftest import World
 
 from mjplug.config.load import read
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
 from mjplug_plugins.lidar import Lidar
 from mjplug_schemas.sensor_msgs import LaserScan, PointCloud2, PointField
@@ -311,7 +311,7 @@ def test_a_busy_worker_gets_the_newest_state():
     (scan,) = world.published("/scan")
     assert scan.header.stamp.to_ns() == 300_000_000
     assert np.allclose(scan.ranges, rays_now(world, np.linspace(-3, 3, 4), [0.0])[0], rtol=1e-6)
-    assert worker.health.dropped == {"scan": 2}
+    assert worker.status.dropped == {"scan": 2}
 
 
 def test_diagnostics_say_how_the_worker_fares_and_how_long_a_scan_took():

@@ -10,8 +10,9 @@ from conftest import World
 from docs.markdown import rows, section
 
 from mjplug.config.load import read
-from mjplug.core.model_file import load_model
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
 from mjplug.plugin.selection import select
 from mjplug_plugins.lidar import Lidar
 from mjplug_plugins.lidar.parameters import LidarParameters

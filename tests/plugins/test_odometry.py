@@ -8,9 +8,9 @@ import pytest
 from conftest import World
 from pydantic import ValidationError
 
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
 from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug_plugins.odometry import OdometryPublisher
 
 FLOATING = """

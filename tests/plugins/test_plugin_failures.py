@@ -7,13 +7,13 @@ import pytest
 from fakes import FakeTransport
 
 from mjplug.config.settings import Settings
-from mjplug.core.reset import Reset
-from mjplug.core.simulation import Simulation
 from mjplug.errors import PluginError
-from mjplug.offline import OfflineWorkers
+from mjplug.physics.reset import Reset
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Diagnosis, Parameters, Plugin
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 
@@ -69,7 +69,7 @@ def serve(arm_model):
         settings = Settings.model_validate({"model": "x.xml", "on_plugin_error": policy, "sim": {"speed": "max"}})
         transport = FakeTransport()
         selected = [Selected("hooked", Hooked, Parameters())]
-        servers.append(Server(settings, Simulation(arm_model), transport, selected, OfflineWorkers()))
+        servers.append(Server(settings, Simulation(arm_model), transport, selected, OfflineWorkerPool()))
         return servers[-1], transport
 
     yield start

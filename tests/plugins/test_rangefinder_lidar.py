@@ -8,9 +8,10 @@ import pytest
 from conftest import World
 
 from mjplug.config.load import read
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
-from mjplug.errors import ConfigError, MjplugError
+from mjplug.config.problem import ConfigError
+from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
 from mjplug_plugins.rangefinder_lidar import LidarParameters, RangefinderLidar
 

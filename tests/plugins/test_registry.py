@@ -3,7 +3,8 @@ import textwrap
 import pytest
 
 from mjplug.config.load import read
-from mjplug.errors import ConfigError, PluginError, UnknownName
+from mjplug.config.problem import ConfigError
+from mjplug.errors import PluginError, UnknownName
 from mjplug.plugin import registry
 from mjplug.plugin.selection import select
 from mjplug_plugins.external_wrench import ExternalWrench

@@ -7,14 +7,14 @@ import pytest
 from conftest import World
 from fakes import FakeTransport
 
-from mjplug.config import read
-from mjplug.core.model_file import load_model
-from mjplug.core.simulation import Simulation
+from mjplug.config.load import read
+from mjplug.contracts.transport import LATCHED
 from mjplug.errors import MjplugError
-from mjplug.offline import OfflineWorkers
+from mjplug.model.file import load_model
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin.selection import select
-from mjplug.server import Server
-from mjplug.transport import LATCHED
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug_plugins.robot_description import RobotDescription
 
 URDF = '<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'  # noqa: E501
@@ -98,5 +98,5 @@ def test_in_a_configuration_the_file_counts_from_its_folder_wherever_the_server_
     loaded, plugins = select(read(folder / "robot.yaml"))
     transport = FakeTransport()
     simulation = Simulation(load_model("bundled:box").model)
-    Server(loaded.settings, simulation, transport, plugins, OfflineWorkers()).cleanup()
+    Server(loaded.settings, simulation, transport, plugins, OfflineWorkerPool()).cleanup()
     assert transport.publishers["/robot_description"].messages[0].data == URDF

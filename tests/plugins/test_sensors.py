@@ -8,8 +8,8 @@ import pytest
 from conftest import World
 from pydantic import ValidationError
 
-from mjplug.core.reset import Reset
 from mjplug.errors import MjplugError
+from mjplug.physics.reset import Reset
 from mjplug_plugins.sensors import Sensors
 from mjplug_schemas.sensor_msgs import Range
 

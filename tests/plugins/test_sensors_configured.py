@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from conftest import World
 
-from mjplug.core.model_file import load_model
 from mjplug.errors import MjplugError
+from mjplug.model.file import load_model
 from mjplug_plugins.sensors import Sensors
 
 ROBOT = """

@@ -9,10 +9,10 @@ import pytest
 from conftest import World
 from pydantic import ValidationError
 
-from mjplug.core.model_file import load_model
-from mjplug.core.reset import Reset
+from mjplug.contracts.transport import QoS
 from mjplug.errors import MjplugError
-from mjplug.transport import QoS
+from mjplug.model.file import load_model
+from mjplug.physics.reset import Reset
 from mjplug_plugins.transforms import Transforms
 from mjplug_schemas.tf2_msgs import TFMessage
 

@@ -10,7 +10,7 @@ from security.conftest import PATIENCE, Client
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
-from mjplug.transport import DEFAULT, LATCHED, LATEST, ServiceName, Topic
+from mjplug.contracts.transport import DEFAULT, LATCHED, LATEST, ServiceName, Topic
 from mjplug.wire.access import READ_ONLY, Interfaces
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.keys import RosSettings

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from conftest import World
 
-from mjplug.core import timing
-from mjplug.core.reset import Reset
+from mjplug.contracts.transport import DEFAULT
+from mjplug.contracts.work import WorkerStatus
+from mjplug.physics import timing
+from mjplug.physics.reset import Reset
 from mjplug.plugin import Diagnosis, Level, worker_diagnosis
 from mjplug.services import diagnostics, step_simulation
-from mjplug.transport import DEFAULT
-from mjplug.work import Health
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_msgs import String
@@ -33,7 +33,7 @@ class WallClock:
 @pytest.fixture
 def clock(monkeypatch):
     clock = WallClock()
-    for module in ("mjplug.core.loop", "mjplug.services.diagnostics"):
+    for module in ("mjplug.physics.loop", "mjplug.services.diagnostics"):
         monkeypatch.setattr(f"{module}.perf_counter", clock)
     return clock
 
@@ -88,7 +88,7 @@ def test_statuses_are_published_once_a_second_of_wall_time_paused_or_not_at_any_
 
 
 def test_statuses_are_published_at_speed_max_and_during_a_long_step_request(serve, clock, monkeypatch):
-    monkeypatch.setattr("mjplug.core.loop._LARGEST_BATCH", 1)
+    monkeypatch.setattr("mjplug.physics.loop._LARGEST_BATCH", 1)
     clock.moment = 1e-3
     world = serve(speed="max")
     run(world, clock, 2.5)
@@ -344,12 +344,12 @@ def test_a_plugin_that_was_switched_off_is_an_error(serve, clock):
 @pytest.mark.parametrize(
     ("health", "level", "message"),
     [
-        (Health(), Level.OK, "starting"),
-        (Health("running", performed=3), Level.OK, "running"),
-        (Health("restarting", "it was killed", restarts=1), Level.WARN, "restarting: it was killed"),
-        (Health("unavailable", "no GL"), Level.ERROR, "unavailable: no GL"),
+        (WorkerStatus(), Level.OK, "starting"),
+        (WorkerStatus("running", performed=3), Level.OK, "running"),
+        (WorkerStatus("restarting", "it was killed", restarts=1), Level.WARN, "restarting: it was killed"),
+        (WorkerStatus("unavailable", "no GL"), Level.ERROR, "unavailable: no GL"),
     ],
-    ids=lambda value: value.state if isinstance(value, Health) else "",
+    ids=lambda value: value.state if isinstance(value, WorkerStatus) else "",
 )
 def test_a_worker_has_a_status(health, level, message):
     said = worker_diagnosis(health)
@@ -359,7 +359,7 @@ def test_a_worker_has_a_status(health, level, message):
 
 def test_a_worker_tells_what_it_dropped_for_each_task(serve, clock):
     world = serve()
-    health = Health("running", performed=9, dropped={"rear": 2, "front": 1}, restarts=4)
+    health = WorkerStatus("running", performed=9, dropped={"rear": 2, "front": 1}, restarts=4)
     world.host("camera").create_diagnostic("worker", lambda: worker_diagnosis(health))
     assert values(look(world, clock)["camera: worker"]) == {
         "state": "running",

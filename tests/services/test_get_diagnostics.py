@@ -3,7 +3,7 @@
 import pytest
 from conftest import World
 
-from mjplug.core.loop import SECOND
+from mjplug.physics.loop import SECOND
 from mjplug.plugin import Diagnosis, Parameters, Plugin
 from mjplug.plugin.stopwatch import SAMPLES
 from mjplug.services import diagnostics

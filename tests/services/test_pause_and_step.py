@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from conftest import World
 
-from mjplug.core.reset import Reset
+from mjplug.physics.reset import Reset
 from mjplug.services import clock, set_pause, step_simulation
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause, StepSimulation
 

@@ -7,13 +7,13 @@ import time
 import pytest
 
 from mjplug.config.settings import Settings
+from mjplug.contracts.transport import QoS
 from mjplug.log import INSTANCES
-from mjplug.offline import OfflineWorkers
 from mjplug.plugin import Parameters, Plugin
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug.services import rosout
-from mjplug.transport import QoS
 from mjplug_schemas.rcl_interfaces import Log
 
 
@@ -33,7 +33,7 @@ def lines(world):
 
 def test_a_line_is_as_ros_tools_expect_it(world):
     before = time.time_ns()
-    logging.getLogger("mjplug.core.loop").warning("it is %d %s", 5, "late")
+    logging.getLogger("mjplug.physics.loop").warning("it is %d %s", 5, "late")
     (line,) = lines(world)
     assert (line.level, line.name, line.msg) == (Log.WARN, "robot1.sim", "it is 5 late")
     assert before - 1_000_000 <= line.stamp.to_ns() <= time.time_ns()
@@ -163,13 +163,13 @@ class Talking(Plugin[Parameters]):
 def test_a_server_publishes_what_its_plugins_say_from_their_beginning_to_their_end(arm_model, caplog):
     from fakes import FakeTransport
 
-    from mjplug.core.simulation import Simulation
+    from mjplug.physics.simulation import Simulation
 
     caplog.set_level(logging.INFO)
     transport = FakeTransport()
     handlers = list(logging.getLogger().handlers)
     selected = [Selected("talk", Talking, Parameters())]
-    server = Server(Settings(model="?"), Simulation(arm_model), transport, selected, OfflineWorkers())
+    server = Server(Settings(model="?"), Simulation(arm_model), transport, selected, OfflineWorkerPool())
     server.run(duration=0.01)
     logging.getLogger("mjplug").info("after the end")
     said = transport.publishers["/rosout"].messages

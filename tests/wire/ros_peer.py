@@ -6,7 +6,7 @@ import time
 
 import zenoh
 
-from mjplug.transport import DEFAULT, Topic
+from mjplug.contracts.transport import DEFAULT, Topic
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger

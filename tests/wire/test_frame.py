@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.errors import UnknownName
-from mjplug.frame import CdrFrame
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray

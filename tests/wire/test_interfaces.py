@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from mjplug.transport import CLOCK, DEFAULT, ServiceName, Topic
+from mjplug.contracts.transport import CLOCK, DEFAULT, ServiceName, Topic
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_srvs import Trigger

@@ -15,7 +15,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from mjplug.client import connect
-from mjplug.transport import DEFAULT, Topic
+from mjplug.contracts.transport import DEFAULT, Topic
 from mjplug.wire import exposure, linger, zenoh_file
 from mjplug.wire.endpoints import on_free_port
 from mjplug.wire.session import SessionSettings, join, open_router, open_session

@@ -1,11 +1,11 @@
-"""What a publisher does with its outlets; the outlets are lists."""
+"""What a publisher does with its writers; the writers are lists."""
 
 from typing import ClassVar
 
 import pytest
 
-from mjplug.frame import CdrFrame
-from mjplug.transport import DEFAULT, Topic
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import DEFAULT, Topic
 from mjplug.wire.publisher import WirePublisher
 from mjplug_schemas.idl import string
 from mjplug_schemas.message import Message
@@ -27,7 +27,7 @@ class Counted(Message, package="test_msgs"):
         return super().to_json()
 
 
-class Outlet:
+class KeyWriter:
     def __init__(self, form, matched):
         self.form = form
         self.matched = matched
@@ -43,33 +43,33 @@ def encoded():
     return Counted.encoded
 
 
-def publisher(*outlets):
-    return WirePublisher(Topic("/x", Counted, DEFAULT), outlets)
+def publisher(*writers):
+    return WirePublisher(Topic("/x", Counted, DEFAULT), writers)
 
 
 def test_nothing_is_encoded_for_nobody(encoded):
-    outlets = [Outlet("cdr", False), Outlet("json", False)]
-    one = publisher(*outlets)
+    writers = [KeyWriter("cdr", False), KeyWriter("json", False)]
+    one = publisher(*writers)
     assert not one.matched
     one.publish(Counted(data="a"))
     assert encoded == []
-    assert [outlet.payloads for outlet in outlets] == [[], []]
+    assert [writer.payloads for writer in writers] == [[], []]
 
 
 @pytest.mark.parametrize("form", ["cdr", "json"])
 def test_only_the_form_that_somebody_wants_is_encoded(encoded, form):
-    outlets = [Outlet("cdr", form == "cdr"), Outlet("json", form == "json")]
-    one = publisher(*outlets)
+    writers = [KeyWriter("cdr", form == "cdr"), KeyWriter("json", form == "json")]
+    one = publisher(*writers)
     assert one.matched
     one.publish(Counted(data="a"))
     assert encoded == [form]
-    assert [len(outlet.payloads) for outlet in outlets] == [int(outlet.form == form) for outlet in outlets]
+    assert [len(writer.payloads) for writer in writers] == [int(writer.form == form) for writer in writers]
 
 
 def test_outlets_of_one_form_share_one_payload(encoded):
-    first, second, third, unmatched = (Outlet("cdr", True) for _ in range(4))
+    first, second, third, unmatched = (KeyWriter("cdr", True) for _ in range(4))
     unmatched.matched = False
-    json = Outlet("json", True)
+    json = KeyWriter("json", True)
     publisher(first, json, second, unmatched, third).publish(Counted(data="a"))
     assert sorted(encoded) == ["cdr", "json"]
     assert first.payloads[0] is second.payloads[0] is third.payloads[0]
@@ -80,7 +80,7 @@ def test_outlets_of_one_form_share_one_payload(encoded):
 
 def test_a_frame_is_put_as_it_is_and_decoded_only_for_json(encoded):
     frame = CdrFrame(Counted(data="a"))
-    cdr, json = Outlet("cdr", True), Outlet("json", False)
+    cdr, json = KeyWriter("cdr", True), KeyWriter("json", False)
     one = publisher(cdr, json)
     one.publish_frame(frame)
     assert encoded == []
@@ -92,7 +92,7 @@ def test_a_frame_is_put_as_it_is_and_decoded_only_for_json(encoded):
 
 
 def test_a_message_of_another_type_is_refused():
-    one = publisher(Outlet("cdr", True))
+    one = publisher(KeyWriter("cdr", True))
     with pytest.raises(TypeError, match="topic /x carries test_msgs/msg/Counted, not String"):
         one.publish(String())
     with pytest.raises(TypeError, match="topic /x carries test_msgs/msg/Counted, not String"):

@@ -8,7 +8,7 @@ import pytest
 import zenoh
 from zenoh.ext import Int64, z_serialize
 
-from mjplug.transport import CLOCK, DEFAULT, LATCHED, QoS
+from mjplug.contracts.transport import CLOCK, DEFAULT, LATCHED, QoS
 from mjplug.wire.rmw_zenoh.attachment import Attachment, Attachments
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.qos import SERVICE, qos_chunk

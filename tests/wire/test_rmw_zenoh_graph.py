@@ -23,7 +23,7 @@ from wire.ros_peer import (
 )
 from zenoh.handlers import Callback
 
-from mjplug.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topic
+from mjplug.contracts.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings

@@ -3,7 +3,7 @@
 import pytest
 import zenoh
 
-from mjplug.transport import DEFAULT, ServiceName, Topic
+from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings

@@ -13,8 +13,8 @@ import zenoh
 from cli.process import Served
 from wire.older_zenoh import python_with
 
+from mjplug.contracts.transport import CLOCK, DEFAULT, LATCHED, LATEST, ServiceName, Topic
 from mjplug.services.parameters import parameter_value
-from mjplug.transport import CLOCK, DEFAULT, LATCHED, LATEST, ServiceName, Topic
 from mjplug.wire.endpoints import with_free_port
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment

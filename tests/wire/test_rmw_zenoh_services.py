@@ -8,7 +8,7 @@ import zenoh
 from wire.ros_peer import PATIENCE, TRIGGER_KEY, WHO, WRENCH_KEY, request
 from zenoh.ext import Int64, z_serialize
 
-from mjplug.transport import ServiceName
+from mjplug.contracts.transport import ServiceName
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug_schemas.builtin_interfaces import Duration

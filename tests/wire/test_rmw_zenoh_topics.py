@@ -9,7 +9,7 @@ from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, PATIENCE, WHO, Matched, toke
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_publisher, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
-from mjplug.transport import DEFAULT, LATCHED, LATEST, Topic
+from mjplug.contracts.transport import DEFAULT, LATCHED, LATEST, Topic
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.tokens import gid

@@ -11,8 +11,8 @@ import time
 import pytest
 import zenoh
 
+from mjplug.contracts.transport import ServiceName
 from mjplug.errors import WireError
-from mjplug.transport import ServiceName
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_srvs import Empty, SetBool, Trigger
 

@@ -9,8 +9,8 @@ import threading
 
 import pytest
 
+from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.errors import WireError
-from mjplug.transport import DEFAULT, ServiceName, Topic
 from mjplug.wire import identity
 from mjplug.wire.endpoints import dialable, on_free_port, with_free_port
 from mjplug.wire.session import SessionSettings, open_session
@@ -263,7 +263,7 @@ def test_a_listener_on_all_addresses_is_dialled_on_loopback():
 
 SERVER = """
 import sys
-from mjplug.transport import DEFAULT, ServiceName, Topic
+from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.std_msgs import String

@@ -4,8 +4,8 @@ import threading
 
 import pytest
 
-from mjplug.frame import CdrFrame
-from mjplug.transport import DEFAULT, LATCHED, Topic
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import DEFAULT, LATCHED, Topic
 from mjplug.wire.topic_rates import TopicRates
 from mjplug_schemas.std_msgs import Float64
 
@@ -42,7 +42,7 @@ def test_what_a_worker_publishes_is_not_counted_as_nothing(network, client):
     subscriber = client.session.declare_subscriber("image")
     assert appeared.wait(PATIENCE)
     rates = TopicRates(network, 0.0)
-    publisher.lease()
+    publisher.remote_spec()
     rates.look(1.0)
     assert rates.diagnose().values == {}
     subscriber.undeclare()

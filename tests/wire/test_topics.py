@@ -9,9 +9,9 @@ import pytest
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_publisher, declare_advanced_subscriber
 
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import DEFAULT, LATCHED, QoS, Topic
 from mjplug.errors import WireError
-from mjplug.frame import CdrFrame
-from mjplug.transport import DEFAULT, LATCHED, QoS, Topic
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64, String

@@ -8,14 +8,14 @@ from cli.process import environment
 from conftest import ARM
 from wire.conftest import ANY_PORT, Client
 
-from mjplug.core.inbox import Inbox
-from mjplug.core.simulation import Simulation
-from mjplug.transport import DEFAULT, Topic
+from mjplug.contracts.transport import DEFAULT, Topic
+from mjplug.contracts.work import WorkerSpec
+from mjplug.physics.inbox import Inbox
+from mjplug.physics.simulation import Simulation
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
-from mjplug.work import Order
-from mjplug.worker.workers import ProcessWorkers
+from mjplug.worker.pool import ProcessWorkerPool
 from mjplug_schemas.sensor_msgs import JointState
 
 STARTING = 30.0
@@ -30,7 +30,7 @@ class Ordered:
         self.publisher = server.network.open_publisher(Topic("/told", JointState, qos))
         self.ready, self.done, self.lost = [], [], []
         self.held = False
-        order = Order(
+        spec = WorkerSpec(
             "teller",
             work,
             (self.publisher,),
@@ -40,18 +40,18 @@ class Ordered:
             hold=self._hold,
             **options,
         )
-        self.worker = server.workers.start(order, server.simulation, server.inbox)
+        self.worker = server.workers.start(spec, server.simulation, server.inbox)
         self.submit = self.worker.submit
 
     @property
-    def health(self):
-        return self.worker.health
+    def status(self):
+        return self.worker.status
 
     def wait(self, enough, within=STARTING):
         """Runs posted calls, as the loop would, until there is enough."""
         until = time.monotonic() + within
         while not enough():
-            assert time.monotonic() < until, f"{self.health}, {self.ready}, {self.done}, {self.lost}"
+            assert time.monotonic() < until, f"{self.status}, {self.ready}, {self.done}, {self.lost}"
             self.inbox.wait(until - time.monotonic())
 
     def wait_for_ready(self, times=1):
@@ -80,7 +80,7 @@ class Server:
     def __init__(self, name="/mjplug", ros2=None, **settings):
         settings = SessionSettings(**settings)
         self.network = open_network(settings, name, ros2=ros2)
-        self.workers = ProcessWorkers(settings, self.network.session.endpoints)
+        self.workers = ProcessWorkerPool(settings, self.network.session.endpoints)
         self.simulation = Simulation(mujoco.MjModel.from_xml_string(ARM), "bent")
         self.inbox = Inbox()
 

@@ -10,7 +10,7 @@ import time
 import pytest
 from worker import works
 
-from mjplug.worker import worker as module
+from mjplug.worker import supervisor as module
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_a_killed_process_is_started_again_and_what_waited_is_made(server, told_
     assert (job.time_ns, job.tasks) == (2_000_000, {"live"})
     assert told.lost == [({"die"}, "it was killed by SIGKILL")]
     assert told_errors() == ["the worker process: it was killed by SIGKILL; it is started again in 0.5 s"]
-    assert (told.health.state, told.health.reason, told.health.restarts) == ("running", "", 1)
+    assert (told.status.state, told.status.reason, told.status.restarts) == ("running", "", 1)
 
 
 def test_an_idle_process_that_is_killed_comes_back_too(server):
@@ -95,12 +95,12 @@ def test_a_process_that_is_killed_while_it_opens_is_started_again_in_the_same_en
     told.wait(lambda: told.lost)
     assert told.lost == [({"a"}, "it was killed by SIGKILL")]
     told.wait_for_ready()
-    assert (told.ready, told.health.restarts) == (["here"], 1)
+    assert (told.ready, told.status.restarts) == (["here"], 1)
 
 
 def test_an_environment_in_which_the_work_crashes_is_not_available(server):
     told = server.order(works.CrashesOpening(), environments=({}, {"WORKS_IN": "here"})).wait_for_ready()
-    assert (told.ready, told.health.restarts) == (["here"], 0)
+    assert (told.ready, told.status.restarts) == (["here"], 0)
 
 
 def test_a_process_that_cannot_be_started_now_is_started_later(server, monkeypatch):
@@ -113,7 +113,7 @@ def test_a_process_that_cannot_be_started_now_is_started_later(server, monkeypat
 
     monkeypatch.setattr(module, "WorkerProcess", starts_at_last)
     told = server.order(works.Tells()).wait_for_ready()
-    assert told.health.restarts == 1
+    assert told.status.restarts == 1
 
 
 def test_nothing_is_written_to_a_file_that_has_the_number_of_a_closed_pipe(server, monkeypatch):
@@ -147,7 +147,7 @@ def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, 
     told.wait_for_ready()
     assert told.ready == ["here None"]
     assert told_errors(logging.DEBUG) == ["not available: WORKS_IN=nowhere: WORKS_IN is nowhere"]
-    assert told.health.restarts == 0
+    assert told.status.restarts == 0
 
 
 def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_errors):
@@ -156,7 +156,7 @@ def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_erro
     told.wait(lambda: told.lost)
     why = "WORKS_IN=nowhere: WORKS_IN is nowhere; MUJOCO_GL=disable: WORKS_IN is None"
     assert told.lost == [({"a"}, why)]
-    assert (told.health.state, told.health.reason) == ("unavailable", why)
+    assert (told.status.state, told.status.reason) == ("unavailable", why)
     assert told_errors(logging.WARNING) == [
         f"this cannot be done on this machine: {why}; the server runs on without it"
     ]
@@ -167,10 +167,10 @@ def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_erro
 
 def test_an_environment_in_which_mujoco_cannot_be_imported_is_not_available(server):
     told = server.order(works.Tells(), environments=({"MUJOCO_GL": "crayons"}, {"MUJOCO_GL": ""})).wait_for_ready()
-    assert told.health.state == "running"
+    assert told.status.state == "running"
     told = server.order(works.Tells(), environments=({"MUJOCO_GL": "crayons"},))
     told.wait(lambda: told.lost)
-    assert told.health.reason.startswith("MuJoCo cannot be imported with MUJOCO_GL=crayons: RuntimeError")
+    assert told.status.reason.startswith("MuJoCo cannot be imported with MUJOCO_GL=crayons: RuntimeError")
 
 
 def test_a_lockstep_with_an_unavailable_work_goes_on(server):
@@ -225,7 +225,7 @@ def test_what_a_work_has_started_does_not_keep_the_server_from_ending(server):
 
 
 def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "PAUSES", (0.01, 0.02))
+    monkeypatch.setattr(module, "RESTART_DELAYS", (0.01, 0.02))
     told = server.order(works.DiesLater(tmp_path / "opened")).wait_for_ready()
     told.submit(["a"])
     told.wait(lambda: told.lost)
@@ -233,11 +233,11 @@ def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monk
     told.wait(lambda: len(told.lost) == 2)
     assert told.lost[0] == ({"a"}, "it ended with code 7")
     tasks, reason = told.lost[1]
-    assert (tasks, told.health.state) == ({"b"}, "restarting")
+    assert (tasks, told.status.state) == ({"b"}, "restarting")
     assert reason.startswith("it could not be opened: FileExistsError")
     os.unlink(tmp_path / "opened")
     told.wait_for_ready(2)
-    assert told.health.restarts >= 2
+    assert told.status.restarts >= 2
 
 
 def test_closing_ends_a_process_that_is_busy(server, tmp_path):
@@ -254,4 +254,4 @@ def test_closing_ends_a_process_that_is_busy(server, tmp_path):
 def test_closing_ends_a_process_that_is_starting(server):
     told = server.order(works.Tells())
     server.workers.close()
-    assert (told.ready, told.health.state) == ([], "starting")
+    assert (told.ready, told.status.state) == ([], "starting")

@@ -11,8 +11,8 @@ import time
 import pytest
 from worker import works
 
-from mjplug.worker import watch as module
-from mjplug.worker.watch import LOOK, Watch, runnable, usage
+from mjplug.worker import hang_detector as module
+from mjplug.worker.hang_detector import CHECK_INTERVAL, HangDetector, runnable, usage
 
 SOON = 2.0
 """Stands for the limits, which are longer [s]; a process sends a sign of life every second."""
@@ -33,7 +33,7 @@ def noted(caplog):
 @pytest.mark.slow
 @pytest.mark.parametrize("sync", [False, True])
 def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync):
-    monkeypatch.setattr(module, "SILENCE", SOON)
+    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SOON)
     told = server.order(works.Dies(), sync=sync).wait_for_ready()
     _, stopped = told.perform("live")
     os.kill(stopped, signal.SIGSTOP)
@@ -44,12 +44,12 @@ def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync)
     told.wait(lambda: not told.held)
     told.wait_for_ready(2)
     assert told.perform("live")[1] != stopped
-    assert told.health.restarts == 1
+    assert told.status.restarts == 1
 
 
 @pytest.mark.slow
 def test_a_process_that_is_stopped_while_nothing_is_to_do_is_replaced_too(server, monkeypatch):
-    monkeypatch.setattr(module, "SILENCE", SOON)
+    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SOON)
     told = server.order(works.Dies()).wait_for_ready()
     os.kill(told.perform("live")[1], signal.SIGSTOP)
     told.wait_for_ready(2)
@@ -60,7 +60,7 @@ def test_a_process_that_is_stopped_while_nothing_is_to_do_is_replaced_too(server
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a pipe grow")
 def test_a_job_of_thousands_of_tasks_for_a_stopped_process_does_not_block_physics(server, monkeypatch):
     """As many requests for images as a server keeps open, with long names, wait for one process."""
-    monkeypatch.setattr(module, "SILENCE", 1000.0)
+    monkeypatch.setattr(module, "SILENCE_TIMEOUT", 1000.0)
     told = server.order(works.Dies()).wait_for_ready()
     _, stopped = told.perform("live")
     os.kill(stopped, signal.SIGSTOP)
@@ -88,11 +88,11 @@ def test_a_job_that_never_ends_is_given_up(server, gate):
 
 @pytest.mark.slow
 def test_an_environment_in_which_opening_never_ends_is_not_available(server, gate, monkeypatch):
-    monkeypatch.setattr(module, "OPENING", 1.0)
+    monkeypatch.setattr(module, "OPEN_TIMEOUT", 1.0)
     told = server.order(
         works.OpensLate(gate), environments=({"WORKS_IN": "vain"}, {"WORKS_IN": "here"}), job_timeout=1.0
     ).wait_for_ready()
-    assert (told.ready, told.health.restarts) == (["here"], 0)
+    assert (told.ready, told.status.restarts) == (["here"], 0)
 
 
 def test_closing_ends_a_process_that_is_stopped(server):
@@ -122,7 +122,7 @@ def used(monkeypatch):
 def looks(watch, seconds, subject, opening=False, each=lambda: None):
     """Looks every second; returns after how many of them the process had to be ended, and why."""
     for second in range(seconds):
-        reason = watch.look(float(second), subject, opening)
+        reason = watch.check(float(second), subject, opening)
         if reason:
             return second, reason
         each()
@@ -130,11 +130,11 @@ def looks(watch, seconds, subject, opening=False, each=lambda: None):
 
 
 def test_a_process_that_sends_nothing_hangs(used):
-    assert looks(Watch(1, 60.0), 100, None) == (10, "nothing came from the process for 10 s")
+    assert looks(HangDetector(1, 60.0), 100, None) == (10, "nothing came from the process for 10 s")
 
 
 def test_a_process_that_sends_signs_of_life_does_not(used):
-    watch = Watch(1, 60.0)
+    watch = HangDetector(1, 60.0)
     assert looks(watch, 100, None, each=watch.heard) is None
 
 
@@ -145,42 +145,42 @@ def test_a_silent_process_that_computes_or_waits_for_a_processor_does_not_hang_u
     def starve():
         used.waited += 1.0
 
-    assert looks(Watch(1, 60.0), 1000, "job", each=compute) == (60, "a job took longer than 60 s (job_timeout)")
+    assert looks(HangDetector(1, 60.0), 1000, "job", each=compute) == (60, "a job took longer than 60 s (job_timeout)")
     # A tenth of the wall time counts in any case.
-    assert looks(Watch(1, 5.95), 1000, "job", each=starve) == (60, "a job took longer than 5.95 s (job_timeout)")
-    assert looks(Watch(1, 60.0), 1000, None, each=starve) is None
+    assert looks(HangDetector(1, 5.95), 1000, "job", each=starve) == (60, "a job took longer than 5.95 s (job_timeout)")
+    assert looks(HangDetector(1, 60.0), 1000, None, each=starve) is None
 
 
 def test_a_process_that_has_waited_for_a_processor_for_long_and_still_waits_does_not_hang(used):
     """The system adds a wait to the sum when it is over."""
     used.runnable = True
-    assert looks(Watch(1, 60.0), 500, "job") is None
-    assert looks(Watch(1, 5.95), 1000, "job") == (60, "a job took longer than 5.95 s (job_timeout)")
-    assert looks(Watch(1, 60.0), 1000, None) is None
+    assert looks(HangDetector(1, 60.0), 500, "job") is None
+    assert looks(HangDetector(1, 5.95), 1000, "job") == (60, "a job took longer than 5.95 s (job_timeout)")
+    assert looks(HangDetector(1, 60.0), 1000, None) is None
 
 
 def test_each_job_has_its_own_time(used):
-    watch = Watch(1, 5.0)
+    watch = HangDetector(1, 5.0)
     for second in range(0, 100, 4):
         job = object()
         for part in range(4):
-            assert watch.look(float(second + part), job, False) == ""
-            watch.heard()
+            assert watch.check(float(second + part), job, False) == ""
+            watch.message_received()
 
 
 def test_opening_may_take_longer_than_a_job(used):
-    watch = Watch(1, 5.0)
+    watch = HangDetector(1, 5.0)
     assert looks(watch, 1000, "opening", True, watch.heard) == (60, "opening it took longer than 60 s (job_timeout)")
     assert watch.too_long
-    watch = Watch(1, 90.0)
+    watch = HangDetector(1, 90.0)
     assert looks(watch, 1000, "opening", True, watch.heard) == (90, "opening it took longer than 90 s (job_timeout)")
 
 
 def test_time_in_which_nobody_looked_does_not_count(used):
-    watch = Watch(1, 60.0)
+    watch = HangDetector(1, 60.0)
     # As after a night in which the machine slept.
     for now in (0.0, 30_000.0, 60_000.0):
-        assert watch.look(now, "job", False) == ""
+        assert watch.check(now, "job", False) == ""
 
 
 def test_the_system_tells_how_long_a_process_computed():
@@ -194,7 +194,7 @@ def test_the_system_tells_how_long_a_process_computed():
     assert after[0] - before[0] == pytest.approx(0.1, abs=0.09)
     assert after[1] >= before[1]
     assert usage(2**22 + 1) is None
-    assert LOOK < module.SILENCE
+    assert CHECK_INTERVAL < module.SILENCE_TIMEOUT
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells")

@@ -112,7 +112,7 @@ def _findings(endpoint: str | None) -> "Iterator[Finding]":
     from mjplug.cli.doctor.network import check_network
     from mjplug.cli.doctor.scheduling import check_scheduling
     from mjplug.client import DEFAULT_ENDPOINT
-    from mjplug.core import process
+    from mjplug.physics import process
 
     process.tame_mujoco()
     yield from check_environment()

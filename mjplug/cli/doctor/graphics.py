@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from mjplug.cli.doctor.finding import Finding
 
 _TOPIC = "graphics"
-_PATIENCE = 60.0
+_RENDER_TIMEOUT = 60.0
 """How long one attempt may take [s]; software rendering compiles its shaders for a second or two."""
 
 _PACKAGES = {
@@ -33,11 +33,11 @@ def draw(backend: str) -> tuple[bool, str]:
             [sys.executable, "-m", "mjplug.cli.doctor.drawing", backend],
             capture_output=True,
             text=True,
-            timeout=_PATIENCE,
+            timeout=_RENDER_TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return False, f"no picture within {_PATIENCE:g} s"
+        return False, f"no picture within {_RENDER_TIMEOUT:g} s"
     if done.returncode == 0:
         return True, done.stdout.strip().splitlines()[-1]
     if done.returncode < 0:

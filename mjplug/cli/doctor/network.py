@@ -8,7 +8,7 @@ from mjplug.cli.doctor.finding import Finding
 
 _TOPIC = "network"
 _ADDRESS = re.compile(r"(?:tcp|tls)/(?P<host>\[[^\]]*\]|[^:]+):(?P<port>\d+)")
-_PATIENCE = 1.0
+_CONNECT_TIMEOUT = 1.0
 """How long to wait for a connection [s]."""
 
 
@@ -63,7 +63,7 @@ def listens(endpoint: str) -> bool:
     if address is None:
         return True
     try:
-        with socket.create_connection((address["host"].strip("[]"), int(address["port"])), _PATIENCE):
+        with socket.create_connection((address["host"].strip("[]"), int(address["port"])), _CONNECT_TIMEOUT):
             return True
     except OSError:
         return False

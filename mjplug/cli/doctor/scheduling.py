@@ -19,7 +19,7 @@ _LATE = 2e-3
 
 def check_scheduling() -> Iterator[Finding]:
     """Yields what the kernel lets a server do for its punctuality, and how late it wakes up."""
-    from mjplug.core import process
+    from mjplug.physics import process
 
     for measure, holds in _in_a_thread(process.prefer_this_thread).items():
         if holds:

@@ -10,18 +10,18 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from mjplug.transport import QoS, ServiceName, Topic
-from mjplug.wire.dialect import Inquiry, Outlet
+from mjplug.contracts.transport import QoS, ServiceName, Topic
+from mjplug.wire.dialect import KeyWriter, RawRequest
 from mjplug.wire.encoding import TEXT, Received
-from mjplug.wire.inlets import open_inlet
+from mjplug.wire.key_subscriber import declare_key_subscriber
 from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.attachment import Attachment
-from mjplug.wire.rmw_zenoh.inquiry import RmwInquiry
+from mjplug.wire.rmw_zenoh.key_writers import LatchedRmwWriter, LiveRmwWriter
 from mjplug.wire.rmw_zenoh.keys import RosSettings, foreign_definition
 from mjplug.wire.rmw_zenoh.mismatches import Mismatches
-from mjplug.wire.rmw_zenoh.outlets import LatchedRmwOutlet, LiveRmwOutlet
 from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
+from mjplug.wire.rmw_zenoh.raw_request import RmwRequest
 from mjplug.wire.rmw_zenoh.tokens import EndpointKind, Node, gid
 from mjplug_schemas.message import Message, Service
 
@@ -46,8 +46,8 @@ class RmwZenohDialect:
         namespace, _, node = name.rpartition("/")
         self._node = Node(settings.domain_id, str(session.zid()), next(self._ids), namespace, node)
         self._mismatches = Mismatches(session, settings.domain_id, name)
-        self._outlets: list[LiveRmwOutlet | LatchedRmwOutlet] = []
-        self._inlets: list[object] = []
+        self._writers: list[LiveRmwWriter | LatchedRmwWriter] = []
+        self._declared: list[object] = []
         self._unreadable: dict[str, Rejections] = {}
         self._tokens = [session.liveliness().declare_token(self._node.token)]
 
@@ -59,20 +59,20 @@ class RmwZenohDialect:
         """Returns the data key."""
         return {"ros2_key": self._settings.data_key(service.name, service.type)}
 
-    def open_outlets(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[Outlet]:
+    def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
         """Declares and announces the publisher of a topic."""
         key = self._settings.data_key(topic.name, topic.type)
         token = self._token("MP", topic.name, topic.type, topic.qos)
-        outlet: LiveRmwOutlet | LatchedRmwOutlet
+        writer: LiveRmwWriter | LatchedRmwWriter
         if topic.qos.durability == "transient_local":
-            outlet = LatchedRmwOutlet(self._session, key, gid(token), topic.qos)
+            writer = LatchedRmwWriter(self._session, key, gid(token), topic.qos)
         else:
-            outlet = LiveRmwOutlet(self._session, key, gid(token), topic.qos, on_matched)
-        self._outlets.append(outlet)
+            writer = LiveRmwWriter(self._session, key, gid(token), topic.qos, on_matched)
+        self._writers.append(writer)
         self._announce(token, "MP", topic.name, topic.type)
-        return [outlet]
+        return [writer]
 
-    def open_inlets(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
+    def declare_subscribers(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
         """Declares and announces the subscription of a topic."""
 
         def handle(sample: zenoh.Sample) -> None:
@@ -82,11 +82,11 @@ class RmwZenohDialect:
                 receive(Received(sample.payload, None, "cdr", unfit))
 
         key, handler = self._settings.any_hash_key(topic.name, topic.type), Callback(handle, indirect=False)
-        self._inlets.append(open_inlet(self._session, key, handler, topic.qos))
+        self._declared.append(declare_key_subscriber(self._session, key, handler, topic.qos))
         # Without this token, publishers of Lyrical and later would not put large messages on this key.
         self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
 
-    def open_doors(self, service: ServiceName, receive: Callable[[Inquiry], None]) -> None:
+    def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares and announces the server of a service."""
         qos = PARAMETER_SERVICE if service.type.TYPE.startswith("rcl_interfaces/") else SERVICE
         any_key = self._settings.any_hash_key(service.name, service.type)
@@ -112,7 +112,7 @@ class RmwZenohDialect:
                 else:
                     complain(query, str(error))
             else:
-                receive(RmwInquiry(query, key, attachment, foreign_definition(key, service.type)))
+                receive(RmwRequest(query, key, attachment, foreign_definition(key, service.type)))
 
         def refuse(query: zenoh.Query, key: str, attachment: bytes, sentence: str) -> None:
             # A node with another rmw_zenoh would wait on after an error reply. It knows its own attachment again.
@@ -125,7 +125,7 @@ class RmwZenohDialect:
                 query.reply_err(sentence.encode(), encoding=TEXT)
 
         # Complete, since clients ask only those servers that say so.
-        self._inlets.append(self._session.declare_queryable(any_key, Callback(handle, indirect=False), complete=True))
+        self._declared.append(self._session.declare_queryable(any_key, Callback(handle, indirect=False), complete=True))
         self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
 
     def refused(self) -> Mapping[str, int]:
@@ -133,9 +133,9 @@ class RmwZenohDialect:
         return {name: rejections.count for name, rejections in self._unreadable.items()}
 
     def close(self) -> None:
-        """Makes every outlet unmatched, for good, and leaves the graph: the endpoints first, the node last."""
-        for outlet in self._outlets:
-            outlet.close()
+        """Makes every writer unmatched, for good, and leaves the graph: the endpoints first, the node last."""
+        for writer in self._writers:
+            writer.close()
         while self._tokens:
             # zenoh's stubs leave the return type open.
             self._tokens.pop().undeclare()  # type: ignore[no-untyped-call]

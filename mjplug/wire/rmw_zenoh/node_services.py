@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from mjplug.transport import Call, ServiceName
+from mjplug.contracts.transport import Call, ServiceName
 from mjplug.wire.calls import OpenCalls
 from mjplug.wire.rmw_zenoh.descriptions import TypeDescriptions
 from mjplug.wire.rmw_zenoh.dialect import RmwZenohDialect
@@ -31,4 +31,4 @@ def offer_node_services(dialect: RmwZenohDialect, name: str, settings: RosSettin
         call.respond(descriptions.answer(request))
 
     service = ServiceName(f"{name}/get_type_description", GetTypeDescription)
-    dialect.open_doors(service, ServiceServer(service, answer, open_calls).receive)
+    dialect.declare_service(service, ServiceServer(service, answer, open_calls).receive)

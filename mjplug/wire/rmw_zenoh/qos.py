@@ -7,7 +7,7 @@ values only, no "system default" and no "best available".
 
 from typing import Literal
 
-from mjplug.transport import QoS
+from mjplug.contracts.transport import QoS
 
 _DEFAULT_DEPTH = 42
 _BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL = "2", "1", "2"

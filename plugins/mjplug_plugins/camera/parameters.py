@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mjplug.plugin import SECTION, Parameters, Priority
+from mjplug.plugin import NestedParameters, Parameters, Priority
 from mjplug_plugins.camera.view import Segmentation
 
 Policy = Literal["streaming", "polled", "disabled"]
@@ -39,7 +39,7 @@ class CameraParameters(Parameters):
     """Parameters of Camera; every other name is that of a camera, with ViewParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[ViewParameters, SECTION]]
+    __pydantic_extra__: dict[str, Annotated[ViewParameters, NestedParameters]]
 
     camera_publish_rate: float = Field(
         default=5.0, gt=0, description="Images per second of simulated time, of every streaming camera [Hz]."

@@ -2,8 +2,9 @@
 
 from typing import Any
 
-from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, Publisher, UnknownName, Worker, ros_tokens
-from mjplug_plugins.camera.fitness import Fitness
+from mjplug.plugin import LATEST, Host, Job, Plugin, PluginError, Publisher, UnknownName, Worker
+from mjplug.plugin.bundled import ros_tokens
+from mjplug_plugins.camera.diagnostics import CameraDiagnostics
 from mjplug_plugins.camera.gl import environments
 from mjplug_plugins.camera.parameters import CameraParameters, ViewParameters
 from mjplug_plugins.camera.schedule import Publishers, Schedule
@@ -48,7 +49,7 @@ class Camera(Plugin[CameraParameters]):
             parameters.background,
             parameters.jpeg_quality,
         )
-        self._fitness = Fitness(self._topics, host.logger)
+        self._diagnostics = CameraDiagnostics(self._topics, host.logger)
         self._worker: Worker = host.create_worker(
             CameraWork(views, look),
             [publisher for own in publishers.values() for publisher in own],
@@ -67,7 +68,7 @@ class Camera(Plugin[CameraParameters]):
         self._schedule = Schedule(host, self._stream)
         for rate, cameras in rates.items():
             self._schedule.add(rate, cameras)
-        host.create_diagnostic("", lambda: self._fitness.diagnose(self._worker))
+        host.create_diagnostic("", lambda: self._diagnostics.diagnose(self._worker))
         host.create_wall_timer(1.0, self._look)
 
     def on_reset(self) -> None:
@@ -104,15 +105,15 @@ class Camera(Plugin[CameraParameters]):
 
     def _stream(self, cameras: set[str]) -> None:
         if not self._triggers.refusal:
-            self._fitness.pace.ask(cameras)
+            self._diagnostics.pace.ask(cameras)
             self._worker.submit(map(stream_task, cameras))
 
     def _look(self) -> None:
-        self._fitness.look(self._worker)
+        self._diagnostics.look(self._worker)
         self._triggers.expire(lambda: why_slow(self._worker))
 
     def _ready(self, said: str) -> None:
-        first, self._fitness.renderer = not self._fitness.renderer, said
+        first, self._diagnostics.renderer = not self._diagnostics.renderer, said
         if first and "(in software)" in said:
             self._host.logger.warning(
                 "%s: the processor draws, for want of a graphics card or of its driver; smaller images and lower rates "
@@ -123,11 +124,11 @@ class Camera(Plugin[CameraParameters]):
             self._host.logger.info("%s", said)
 
     def _done(self, job: Job, heard: dict[str, tuple[str, ...]]) -> None:
-        self._fitness.pace.make(camera for camera, topics in heard.items() if topics)
+        self._diagnostics.pace.make(camera for camera, topics in heard.items() if topics)
         self._triggers.done(job, heard)
 
     def _lost(self, tasks: frozenset[str], reason: str) -> None:
-        if self._worker.health.state == "unavailable" and not self._triggers.refusal:
+        if self._worker.status.state == "unavailable" and not self._triggers.refusal:
             self._triggers.refusal = f"cameras are off: {reason}"
         self._triggers.lost(tasks, reason)
 

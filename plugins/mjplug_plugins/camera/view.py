@@ -6,7 +6,7 @@ from typing import Literal
 
 import mujoco
 
-from mjplug.plugin import object_names
+from mjplug.plugin.bundled import object_names
 from mjplug_schemas.sensor_msgs import CameraInfo
 from mjplug_schemas.std_msgs import Header
 

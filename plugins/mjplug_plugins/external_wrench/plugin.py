@@ -6,7 +6,8 @@ from operator import attrgetter
 
 from pydantic import Field
 
-from mjplug.plugin import Call, Diagnosis, Host, Parameters, Plugin, RequestError, Slow, quoted
+from mjplug.plugin import Call, Diagnosis, Host, Parameters, Plugin, RequestError, Slow
+from mjplug.plugin.bundled import quoted
 from mjplug_plugins.external_wrench import markers
 from mjplug_plugins.external_wrench.active import ActiveWrenches
 from mjplug_plugins.external_wrench.wrench import Wrench, parse

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from mjplug.plugin import Host, RequestError, doubles
+from mjplug.plugin import Host, RequestError
+from mjplug.plugin.bundled import float_view
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.geometry_msgs import Point, Vector3
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
@@ -91,7 +92,7 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
     ramp = _nanoseconds(message.ramp_down_duration, "ramp_down_duration")
     if ramp > duration:
         raise RequestError(f"ramp_down_duration is {ramp / 1e9:g} s, longer than the duration of {duration / 1e9:g} s")
-    torque_com = _moment(torque, point, doubles(model.body_ipos[body]), force)
+    torque_com = _moment(torque, point, float_view(model.body_ipos[body]), force)
     if not all(map(math.isfinite, torque_com)):
         raise RequestError("force and application_point are so large that their moment is not finite")
     return Wrench(
@@ -105,8 +106,8 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         duration=duration / 1e9,
         ramp=ramp / 1e9,
         torque_com=torque_com,
-        xmat=doubles(data.xmat[body]),
-        xfrc_applied=doubles(data.xfrc_applied[body]),
+        xmat=float_view(data.xmat[body]),
+        xfrc_applied=float_view(data.xfrc_applied[body]),
     )
 
 

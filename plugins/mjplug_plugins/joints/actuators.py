@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from mjplug.plugin import ActuatorLaw, Drives, Host, PluginError, UnknownName, actuator_law
+from mjplug.plugin import Host, PluginError, UnknownName
+from mjplug.plugin.bundled import ActuatorLaw, Drives, actuator_law
 from mjplug_plugins.joints.route import LARGEST
 from mjplug_plugins.joints.scalar_joint import ScalarJoint
 

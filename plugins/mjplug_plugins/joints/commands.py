@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, QoS, RequestError, quoted
+from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, QoS, RequestError
+from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, told
 from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters

@@ -4,7 +4,8 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import cast
 
-from mjplug.plugin import Drives, Host, PluginError, UnknownName, doubles
+from mjplug.plugin import Host, PluginError, UnknownName
+from mjplug.plugin.bundled import Drives, float_view
 from mjplug_plugins.joints.actuators import Actuator, actuators_of
 from mjplug_plugins.joints.parameters import Interface, JointCommandsParameters, PidGains, PidGainsByMode
 from mjplug_plugins.joints.pid import PidBank
@@ -97,7 +98,7 @@ class JointDrives:
         interface = cast(Interface, "effort" if kind is Drives.OTHER else str(kind))
         limits = actuator.limits(self._host.model, self._parameters.clamp)
         rivals = self._rivals[actuator.actuator]
-        controls = doubles(self._host.data.ctrl)
+        controls = float_view(self._host.data.ctrl)
         routes[interface].append(Direct(controls, actuator.actuator, ratio, offset, limits, rivals))
 
     def _regulated(

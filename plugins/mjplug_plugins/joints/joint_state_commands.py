@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
-from mjplug.plugin import RequestError, quoted
+from mjplug.plugin import RequestError
+from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.parameters import Interface
 from mjplug_plugins.joints.route import LARGEST, Drive
 from mjplug_schemas.sensor_msgs import JointState

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import doubles
+from mjplug.plugin.bundled import float_view
 from mjplug_plugins.joints.parameters import PidGains
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class PidBank:
         piece = _piece(self._places)
         self._in_place = None if piece is None else state[piece]
         self.setpoint = np.zeros(count)
-        self._setpoints = doubles(self.setpoint)
+        self._setpoints = float_view(self.setpoint)
         self._integral = np.zeros(count)
         self._last = np.zeros(count)
         self._error, self._unlimited, self._derivative, self._outputs = (np.zeros(count) for _ in range(4))

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import Host, RequestError, quoted
+from mjplug.plugin import Host, RequestError
+from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.route import Drive
 from mjplug_plugins.joints.trajectory import Motion, check

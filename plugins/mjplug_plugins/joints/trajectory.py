@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import RequestError, doubles
+from mjplug.plugin import RequestError
+from mjplug.plugin.bundled import float_view
 from mjplug_plugins.joints.route import LARGEST
 from mjplug_schemas.builtin_interfaces import Duration, Time
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
@@ -41,7 +42,7 @@ class Motion:
         self._segment = 0
         self._coefficients = np.empty((0, len(position)))
         self._powers = np.ones(1)
-        self._each_power = doubles(self._powers)
+        self._each_power = float_view(self._powers)
         self.end = self._times[-1]
 
     def at(self, time: int) -> Array:
@@ -59,7 +60,7 @@ class Motion:
         if moved:
             self._coefficients = self._polynomial(self._segment)
             self._powers = np.ones(len(self._coefficients))
-            self._each_power = doubles(self._powers)
+            self._each_power = float_view(self._powers)
         t, power, powers = (time - self._times[self._segment]) / _SECOND, 1.0, self._each_power
         for k in range(1, len(powers)):
             power *= t

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import SECTION, Parameters, Priority
+from mjplug.plugin import NestedParameters, Parameters, Priority
 
 
 def _listed(value: object) -> object:
@@ -80,7 +80,7 @@ class PluginParameters(Parameters):
     """Parameters of Lidar; every other name is that of a lidar, with LidarParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[LidarParameters, SECTION]]
+    __pydantic_extra__: dict[str, Annotated[LidarParameters, NestedParameters]]
 
     threads: int = Field(default=1, ge=1, le=64, description="Threads that cast the rays of a scan.")
     sync: bool = Field(default=False, description="Whether physics waits for each scan.")

@@ -14,9 +14,9 @@ from mjplug.plugin import (
     PluginError,
     Publisher,
     UnknownName,
-    lidar_sensors,
     worker_diagnosis,
 )
+from mjplug.plugin.bundled import lidar_sensors
 from mjplug_plugins.lidar.parameters import LidarParameters, PluginParameters
 from mjplug_plugins.lidar.settings import Settings, settings_of
 from mjplug_plugins.lidar.work import LidarWork
@@ -60,7 +60,7 @@ class Lidar(Plugin[PluginParameters]):
         topics = {lidar.name: {host.full_name(lidar.topic): self._publishers[lidar.name]} for lidar in lidars}
         self._pace = Pace("scans", topics, host.logger)
         host.create_diagnostic("", self._diagnose)
-        host.create_wall_timer(1.0, lambda: self._pace.look(self._worker, self._worker.health.dropped))
+        host.create_wall_timer(1.0, lambda: self._pace.look(self._worker, self._worker.status.dropped))
 
     def _start_timer(self, rate: float, names: list[str]) -> None:
         def submit() -> None:
@@ -82,7 +82,7 @@ class Lidar(Plugin[PluginParameters]):
         self._lost = reason
 
     def _diagnose(self) -> Diagnosis:
-        diagnosis = worker_diagnosis(self._worker.health)
+        diagnosis = worker_diagnosis(self._worker.status)
         times = {f"last scan of {name} [ms]": f"{1e3 * taken:.2f}" for name, taken in sorted(self._taken.items())}
         values = {**diagnosis.values, **times, **self._pace.values()}
         slow = self._pace.slow(self._worker)

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from mjplug.plugin import LidarSensor, PluginError, UnknownName
+from mjplug.plugin import PluginError, UnknownName
+from mjplug.plugin.bundled import LidarSensor
 from mjplug_plugins.lidar.parameters import LidarParameters
 
 DEFAULT_RATE = 10.0

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from mjplug.plugin import PluginError, UnknownName, lidar_sensors, object_names
+from mjplug.plugin import PluginError, UnknownName
+from mjplug.plugin.bundled import lidar_sensors, object_names
 from mjplug_plugins.sensors.kinds import KINDS, SENSOR_NAMES, Kind, KindName, Part
 
 _RAY_NAME = re.compile(r".+-\d+", re.ASCII)

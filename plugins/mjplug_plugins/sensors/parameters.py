@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import SECTION, Parameters
+from mjplug.plugin import NestedParameters, Parameters
 from mjplug_plugins.sensors.kinds import KindName
 
 
@@ -89,7 +89,7 @@ class SensorsParameters(Parameters):
     """Parameters of Sensors; every other name is that of a sensor, with SensorParameters below it."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Annotated[SensorParameters, SECTION]]
+    __pydantic_extra__: dict[str, Annotated[SensorParameters, NestedParameters]]
 
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time, of every sensor [Hz].")
     discover: tuple[KindName, ...] = Field(

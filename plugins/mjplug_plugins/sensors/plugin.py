@@ -2,7 +2,8 @@
 
 from collections import defaultdict
 
-from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher, ros_tokens
+from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher
+from mjplug.plugin.bundled import ros_tokens
 from mjplug_plugins.sensors.choice import chosen
 from mjplug_plugins.sensors.exact import exact_values
 from mjplug_plugins.sensors.found import Sensor

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import UnknownName, object_names
+from mjplug.plugin import UnknownName
+from mjplug.plugin.bundled import object_names
 from mjplug_plugins.transforms.parameters import FrameParameters, TransformsParameters
 
 Array = NDArray[np.float64]

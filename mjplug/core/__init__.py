@@ -1,1 +1,0 @@
-"""The physics loop and what it owns: the model, its state, steps, timers, resets."""

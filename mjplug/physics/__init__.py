@@ -1,0 +1,1 @@
+"""The physics loop: steps, timers, requests that wait, pacing, resets."""

@@ -1,0 +1,56 @@
+"""Finds out what a server will declare, before it gets onto a network: the access rules must be known by then."""
+
+import copy
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+
+from mjplug.config.draft import Loaded
+from mjplug.contracts.transport import ServiceName
+from mjplug.physics.simulation import Simulation
+from mjplug.plugin.selection import Selected
+from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
+from mjplug.server.server import Server
+from mjplug.server.starting_pose import take_starting_pose
+from mjplug.wire.access import Interfaces
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug_schemas.type_description_interfaces import GetTypeDescription
+
+
+def rehearse(
+    loaded: Loaded,
+    model: mujoco.MjModel,
+    plugins: Sequence[Selected],
+    model_file: Path | None,
+    name: str,
+    ros2: RosSettings | None,
+) -> Interfaces:
+    """Starts every plugin on a copy of the model and without a network, as `mjplug serve --check` does, and stops it.
+
+    Args:
+        loaded: The configuration.
+        model: The compiled model; it is not changed.
+        plugins: What is to run.
+        model_file: The model's file, if it comes from one.
+        name: The server's full name.
+        ros2: How ROS 2 nodes see the server; None if they do not.
+
+    Raises:
+        PluginError: A plugin refused to start.
+    """
+    transport = OfflineTransport()
+    before = logging.root.manager.disable
+    # Whatever there is to say, the real start says it.
+    logging.disable(logging.WARNING)
+    try:
+        simulation = Simulation(copy.copy(model), loaded.settings.sim.keyframe)
+        take_starting_pose(simulation, loaded)
+        Server(loaded.settings, simulation, transport, plugins, OfflineWorkerPool(), model_file).cleanup()
+    finally:
+        logging.disable(before)
+    services = [*transport.services]
+    if ros2 is not None:
+        services.append(ServiceName(f"{name}/get_type_description", GetTypeDescription))
+    return Interfaces(name, transport.published, transport.subscribed, services, ros2)

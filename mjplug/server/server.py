@@ -1,0 +1,159 @@
+"""Puts the parts together: model, loop, wire, services, plugins; runs them and takes them down in order."""
+
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from mjplug.config.settings import Settings
+from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.contracts.transport import Transport
+from mjplug.contracts.work import WorkerPool
+from mjplug.errors import MjplugError, PluginError, is_fault
+from mjplug.physics import process
+from mjplug.physics.loop import Loop
+from mjplug.physics.simulation import Simulation
+from mjplug.plugin import Host, Plugin
+from mjplug.plugin.selection import Selected
+from mjplug.services import (
+    clock,
+    diagnostics,
+    parameters,
+    reset_world,
+    rosout,
+    set_free_joint_state,
+    set_pause,
+    step_simulation,
+)
+from mjplug.services.plugin_times import PluginTimes
+from mjplug_schemas.names import resolve
+
+_log = logging.getLogger(__name__)
+
+
+class Server:
+    """One simulation with its services and plugins, on a transport.
+
+    Attributes:
+        loop: The physics loop.
+        plugins: The plugins that run, by instance name.
+        diagnostics: Whom to ask how things are.
+        on_stopping: Called when the loop has ended, before requests are cancelled and plugins are cleaned up.
+
+    Args:
+        settings: The configuration.
+        simulation: The model and its state.
+        transport: Where endpoints are declared; the caller closes it after `run`.
+        plugins: What to run, in the order of their updates.
+        workers: Who runs the works of the plugins; the caller closes it after `run`.
+        model_file: The model's file, if it comes from one.
+
+    Raises:
+        PluginError: A plugin refused to start; those that had started are cleaned up.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        simulation: Simulation,
+        transport: Transport,
+        plugins: Sequence[Selected],
+        workers: WorkerPool,
+        model_file: Path | None = None,
+    ) -> None:
+        sim = settings.sim
+        self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
+        self.plugins: dict[str, Plugin[Any]] = {}
+        self.on_stopping: list[Callable[[], None]] = []
+        self._settings = settings
+        self._transport = transport
+        self._workers = workers
+        self._model_file = model_file
+        self.diagnostics = Diagnostics()
+        self._cleanups = ExitStack()
+        self._times = PluginTimes(self.loop, perf_counter())
+        # Before the diagnostics are published.
+        self.loop.on_second.append(self._times.look)
+        host = self._host(settings.node_name, disable_on_error=False)
+        name = f"{settings.namespace}/{settings.node_name}"
+        for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
+            service.offer(host, self.loop)
+        clock.offer(host, self.loop, sim.clock_rate)
+        parameters.offer(host, self.loop, settings)
+        diagnostics.offer(host, self.loop, self.diagnostics, name)
+        self.diagnostics.add("plugins", self._times.diagnose)
+        # The first to come and the last to go, so that what plugins log in between is in it.
+        self._cleanups.callback(rosout.offer(host, self.loop, name))
+        try:
+            for selected in plugins:
+                self._start(selected)
+        except BaseException:
+            self._cleanups.close()
+            raise
+
+    def run(self, duration: float | None = None) -> None:
+        """Runs the loop in the calling thread until it is stopped, fails, or has simulated `duration` [s].
+
+        Raises:
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        loop = self.loop
+        if duration is not None:
+            loop.last_step = loop.simulation.time.steps_covering(round(duration * 1e9))
+        with self._cleanups, process.quick_switching():
+            process.prefer_this_thread()
+            try:
+                loop.run()
+            finally:
+                for callback in self.on_stopping:
+                    callback()
+                loop.scheduler.cancel("cancelled: the server is stopping")
+        if loop.failure is not None:
+            raise loop.failure
+
+    def cleanup(self) -> None:
+        """Takes the plugins down without having run."""
+        self._cleanups.close()
+
+    def _start(self, selected: Selected) -> None:
+        host = self._host(selected.name, self._settings.on_plugin_error == "disable", selected.folders)
+        plugin = self.plugins[selected.name] = selected.plugin_class()
+        self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
+        host.attach(plugin)
+        try:
+            plugin.init(host, selected.parameters)
+        except MjplugError as error:
+            raise PluginError(f"plugin {selected.name} refused to start: {error}") from error
+        except BaseException as error:
+            if not is_fault(error):
+                raise
+            _log.exception("plugin %s failed to start", selected.name)
+            raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
+
+    def _host(self, name: str, disable_on_error: bool, folders: Sequence[Path] = ()) -> Host:
+        settings = self._settings
+        return Host(
+            name,
+            self.loop,
+            self._transport,
+            partial(resolve, namespace=settings.namespace, node=name, remap=settings.remap),
+            self._workers,
+            self.diagnostics,
+            settings.sim.seed,
+            disable_on_error,
+            self._model_file,
+            folders,
+            self._times.add(name),
+        )
+
+    @staticmethod
+    def _clean_up(name: str, cleanup: Callable[[], None]) -> None:
+        try:
+            cleanup()
+        except BaseException as error:
+            if not is_fault(error):
+                raise
+            _log.exception("plugin %s failed while it was cleaned up", name)

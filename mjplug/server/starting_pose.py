@@ -1,0 +1,54 @@
+"""From the configuration to the state in which the simulation starts."""
+
+import logging
+
+from mjplug.config.draft import Loaded
+from mjplug.config.problem import ConfigError
+from mjplug.errors import ModelError, RequestError
+from mjplug.physics import initial_state
+from mjplug.physics.simulation import Simulation
+
+_FILE = ("sim", "start_position_file")
+
+_log = logging.getLogger(__name__)
+
+
+def take_starting_pose(simulation: Simulation, loaded: Loaded) -> None:
+    """Puts the simulation, which is at its keyframe, into the state that the configuration asks for.
+
+    The file comes first, then the keyframe, then the model's default pose; positions by joint are laid over it. The
+    controls are those of the file or the keyframe; without them, position servos hold the pose.
+
+    Args:
+        simulation: It has taken no step yet. A reset brings back what it has afterwards.
+        loaded: The configuration.
+
+    Raises:
+        ConfigError: Something in it does not fit the model; all of it is in there, with its places.
+    """
+    sim = loaded.settings.sim
+    problems = []
+    controlled = bool(sim.keyframe)
+    if (file := loaded.path(_FILE)) is not None:
+        try:
+            vectors = initial_state.read_start_positions(simulation, file)
+        except ModelError as error:
+            problems.append(loaded.problem(_FILE, str(error)))
+        else:
+            initial_state.start_from(simulation, vectors)
+            controlled = "ctrl" in vectors
+        if sim.keyframe:
+            _log.warning("the start-position file takes the place of keyframe %r", sim.keyframe)
+    for joint, position in sim.initial_positions.items():
+        try:
+            initial_state.check_position(simulation, joint, position)
+        except RequestError as error:
+            problems.append(loaded.problem(("sim", "initial_positions", joint), str(error)))
+    if problems:
+        raise ConfigError(problems)
+    initial_state.place_joints(simulation, sim.initial_positions)
+    if sim.hold_initial_pose and (sim.initial_positions or not controlled):
+        held = initial_state.hold_pose(simulation, sim.initial_positions if controlled else None)
+        if held:
+            _log.info("%d position actuators start with the initial pose as their target", held)
+    simulation.keep_as_initial()

@@ -1,0 +1,94 @@
+"""All worker processes of a server."""
+
+import pickle
+import threading
+from time import monotonic
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mjplug.contracts.transport import Publisher
+from mjplug.contracts.work import WorkerSpec
+from mjplug.errors import PluginError
+from mjplug.physics.inbox import Inbox
+from mjplug.physics.simulation import Simulation
+from mjplug.wire.publisher import WirePublisher
+from mjplug.wire.session import SessionSettings
+from mjplug.worker.child_runner import ChildSetup
+from mjplug.worker.hang_detector import CHECK_INTERVAL
+from mjplug.worker.supervisor import WorkerSupervisor
+
+_EXIT_GRACE = 1.0
+"""How long processes may take to end by themselves [s]."""
+
+_KILL_WAIT = 0.5
+"""How long they may take to end when they have been killed [s]."""
+
+
+class ProcessWorkerPool:
+    """Implements `mjplug.contracts.work.WorkerPool`: one process per spec.
+
+    Args:
+        session: The server's settings of the network, which its processes use too.
+        endpoints: Where they join it, the first choice first.
+    """
+
+    def __init__(self, session: SessionSettings, endpoints: tuple[str, ...]) -> None:
+        self._session = session
+        self._endpoints = endpoints
+        self._model = b""
+        self._workers: list[WorkerSupervisor] = []
+        self._closing = threading.Event()
+        self._checking: threading.Thread | None = None
+
+    def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> WorkerSupervisor:
+        """Starts a process; see `mjplug.contracts.work.WorkerPool`.
+
+        Raises:
+            PluginError: The work does not pickle, or a publisher is not of this server.
+        """
+        publishers = [_own(spec.name, publisher) for publisher in spec.publishers]
+        specs = tuple(publisher.remote_spec() for publisher in publishers)
+        try:
+            setup = pickle.dumps(ChildSetup(spec.work, specs, self._session, self._endpoints))
+        except Exception as error:
+            # Whatever its author put into it.
+            kind = type(spec.work).__name__
+            raise PluginError(f"the work {kind} of {spec.name} cannot be sent to a process: {error}") from error
+        # Saved once, however many processes are started.
+        self._model = self._model or _saved(simulation.model)
+        writers = [writer for publisher in publishers for writer in publisher.writers]
+        worker = WorkerSupervisor(spec, simulation, inbox, self._model, setup, writers)
+        self._workers.append(worker)
+        if self._checking is None:
+            self._checking = threading.Thread(target=self._check, name="worker checks", daemon=True)
+            self._checking.start()
+        return worker
+
+    def close(self) -> None:
+        """Ends all processes, those that hang by force; a second call does nothing. It takes 1.5 s at most."""
+        self._closing.set()
+        for worker in self._workers:
+            worker.request_stop()
+        until = monotonic() + _EXIT_GRACE
+        for worker in self._workers:
+            worker.end(until, until + _KILL_WAIT)
+        self._workers.clear()
+
+    def _check(self) -> None:
+        while not self._closing.wait(CHECK_INTERVAL):
+            for worker in tuple(self._workers):
+                worker.check(monotonic())
+
+
+def _own(name: str, publisher: Publisher[Any]) -> WirePublisher[Any]:
+    if not isinstance(publisher, WirePublisher):
+        raise PluginError(f"{name}: a work publishes to publishers of the server, not to {type(publisher).__name__}")
+    return publisher
+
+
+def _saved(model: mujoco.MjModel) -> bytes:
+    buffer = np.empty((mujoco.mj_sizeModel(model), 1), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()

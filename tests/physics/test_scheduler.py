@@ -1,0 +1,341 @@
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mjplug.errors import RequestError
+from mjplug.physics.scheduler import NEVER, Event, Scheduler
+from mjplug.physics.step_time import StepTime, as_fraction
+from mjplug_schemas.std_msgs import String
+
+
+class Answers:
+    def __init__(self):
+        self.responses, self.refusals = [], []
+
+    def respond(self, response):
+        self.responses.append(response)
+
+    def refuse(self, reason):
+        self.refusals.append(reason)
+
+
+class Clocked(Scheduler):
+    """A scheduler whose clock is the boundary that it was last told of."""
+
+    def __init__(self, step=0):
+        super().__init__(lambda: self.step)
+        self.step = step
+
+    def run_due(self, step):
+        self.step = step
+        super().run_due(step)
+
+
+def test_a_100_hz_timer_at_2_ms_fires_every_5_steps_for_ever():
+    scheduler, fired, now = Clocked(), [], 0
+    scheduler.every(StepTime(0.002).steps_per(0.01), lambda: fired.append(now), start=0)
+    for now in range(1, 100_001):
+        if scheduler.next_due <= now:
+            scheduler.run_due(now)
+    assert fired == list(range(5, 100_001, 5))
+
+
+@given(rate=st.integers(1, 500), timestep=st.sampled_from([0.001, 0.002, 0.005, 1 / 240, 0.0003]))
+def test_a_rate_that_does_not_divide_keeps_its_phase_and_its_mean(rate, timestep):
+    scheduler, fired = Clocked(), []
+    per_period = StepTime(timestep).steps_per(1 / rate)
+    now = 0
+    scheduler.every(per_period, lambda: fired.append(now), start=0)
+    for now in range(1, 3000):
+        if scheduler.next_due <= now:
+            scheduler.run_due(now)
+    per_period = max(per_period, Fraction(1))
+    for k, step in enumerate(fired, start=1):
+        assert 0 <= step - k * per_period < 1
+    assert len(fired) == int(2999 / per_period)
+
+
+def test_thirty_hertz_is_understood_as_exactly_one_thirtieth():
+    assert as_fraction(1 / 30.0) == Fraction(1, 30)
+    assert as_fraction(0.002) == Fraction(1, 500)
+    assert as_fraction(0.0041666666666667) == Fraction(1, 240)
+
+
+@given(st.floats(1e-9, 1e3))
+def test_a_step_length_is_never_changed_by_more_than_a_relative_1e_10(seconds):
+    assert abs(as_fraction(seconds) - Fraction(seconds)) <= Fraction(seconds) / 10**10
+
+
+@given(step=st.integers(0, 10**12))
+def test_simulated_time_of_2_ms_steps_is_exact_after_a_trillion_steps(step):
+    assert StepTime(0.002).ns(step) == step * 2_000_000
+
+
+def test_time_is_rounded_to_the_nearest_nanosecond():
+    time = StepTime(1 / 3)
+    assert [time.ns(k) for k in range(4)] == [0, 333_333_333, 666_666_667, 1_000_000_000]
+
+
+@given(duration=st.integers(0, 10**12), timestep=st.sampled_from([0.001, 0.002, 1 / 240, 1 / 3]))
+def test_steps_covering_is_the_smallest_number_that_covers(duration, timestep):
+    time = StepTime(timestep)
+    n = time.steps_covering(duration)
+    assert n * time.timestep * 10**9 >= duration
+    assert n == 0 or (n - 1) * time.timestep * 10**9 < duration
+
+
+def test_timers_due_at_the_same_step_fire_in_the_order_of_their_creation():
+    scheduler, order = Clocked(), []
+    scheduler.every(Fraction(6), lambda: order.append("a"), 0)
+    scheduler.every(Fraction(2), lambda: order.append("b"), 0)
+    scheduler.every(Fraction(3), lambda: order.append("c"), 0)
+    scheduler.run_due(5)
+    order.clear()
+    scheduler.run_due(6)
+    assert order == ["a", "b", "c"]
+
+
+def test_a_period_below_one_step_fires_at_every_step():
+    scheduler, fired = Clocked(), []
+    scheduler.every(Fraction(1, 7), lambda: fired.append(1), 0)
+    for step in range(1, 11):
+        scheduler.run_due(step)
+    assert len(fired) == 10
+
+
+def test_a_cancelled_timer_fires_no_more_and_is_forgotten():
+    scheduler, fired = Clocked(), []
+    timer = scheduler.every(Fraction(1), lambda: fired.append(1), 0)
+    scheduler.run_due(1)
+    timer.cancel()
+    scheduler.run_due(2)
+    assert fired == [1]
+    assert scheduler.next_due == NEVER
+
+
+def test_a_slow_service_goes_on_at_its_step_and_answers_once():
+    scheduler, answers, seen = Clocked(), Answers(), []
+
+    def work():
+        seen.append("started")
+        yield 3
+        seen.append("went on")
+        yield 5
+        return String(data="done")
+
+    scheduler.start(work(), answers)
+    assert scheduler.next_due == 3
+    scheduler.run_due(2)
+    assert seen == ["started"]
+    scheduler.run_due(3)
+    assert seen == ["started", "went on"]
+    assert not answers.responses
+    scheduler.run_due(5)
+    assert answers.responses == [String(data="done")]
+    assert scheduler.next_due == NEVER
+
+
+def test_a_slow_service_can_wait_for_an_event():
+    scheduler, answers, event = Clocked(), Answers(), Event()
+
+    def work():
+        yield event
+        return String(data="heard")
+
+    scheduler.start(work(), answers)
+    assert not answers.responses
+    event.set()
+    assert answers.responses == [String(data="heard")]
+
+
+def test_closing_runs_finally_and_gives_the_reason():
+    scheduler, answers, cleaned = Clocked(), Answers(), []
+
+    def work():
+        try:
+            yield 10
+        finally:
+            cleaned.append(True)
+
+    scheduler.start(work(), answers)
+    scheduler.cancel("stopping")
+    assert cleaned == [True]
+    assert answers.refusals == ["stopping"]
+    scheduler.run_due(10)
+    assert answers.refusals == ["stopping"]
+    assert not answers.responses
+
+
+def test_a_request_whose_closing_lets_another_one_end_does_not_stop_the_closing():
+    scheduler, first, second, third, event = Clocked(), Answers(), Answers(), Answers(), Event()
+
+    def releases():
+        try:
+            yield 10
+        finally:
+            event.set()
+
+    def released():
+        yield event
+        return String(data="released")
+
+    def waits():
+        yield 10
+
+    for generator, answers in ((releases(), first), (released(), second), (waits(), third)):
+        scheduler.start(generator, answers)
+    scheduler.cancel("cancelled")
+    assert first.refusals == third.refusals == ["cancelled"]
+    assert second.responses == [String(data="released")]
+    assert not second.refusals
+    assert scheduler.waiting == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (RequestError("no such body"), "no such body"),
+        (ZeroDivisionError("oops"), "internal error: ZeroDivisionError('oops')"),
+    ],
+)
+def test_an_error_while_waiting_reaches_the_client(error, reason):
+    scheduler, answers = Clocked(), Answers()
+
+    def work():
+        yield 1
+        raise error
+
+    scheduler.start(work(), answers)
+    scheduler.run_due(1)
+    assert answers.refusals == [reason]
+
+
+def test_a_reset_restarts_the_phase_of_every_timer():
+    scheduler, fired, now = Clocked(), [], 0
+    scheduler.every(Fraction(5), lambda: fired.append(now), 0)
+    for now in range(1, 8):
+        scheduler.run_due(now)
+    scheduler.rephase(7)
+    for now in range(8, 20):
+        scheduler.run_due(now)
+    assert fired == [5, 12, 17]
+
+
+def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
+    scheduler, fired, wanted, now = Clocked(), [], [True], 0
+    timer = scheduler.every(Fraction(10, 3), lambda: fired.append(now), 0, wanted=lambda: wanted[0])
+    for now in range(1, 8):
+        scheduler.run_due(now)
+    wanted[0] = False
+    for now in range(8, 30):
+        scheduler.run_due(now)
+    assert fired == [4, 7]
+    assert scheduler.next_due == NEVER
+    wanted[0] = True
+    scheduler.wake(timer, 29)
+    scheduler.wake(timer, 29)
+    for now in range(30, 41):
+        scheduler.run_due(now)
+    assert fired == [4, 7, 30, 34, 37, 40]
+
+
+@pytest.mark.parametrize("wrong", [None, "x", [1], 0.5, float("nan")], ids=repr)
+def test_a_service_that_yields_what_is_no_wait_is_refused_and_cleaned_up(wrong, caplog):
+    scheduler, answers, cleaned = Clocked(), Answers(), []
+
+    def work():
+        try:
+            yield wrong
+        finally:
+            cleaned.append(True)
+
+    scheduler.start(work(), answers)
+    scheduler.run_due(10)
+    assert cleaned == [True]
+    assert len(answers.refusals) == 1
+    assert "a service yields step numbers (int) or events" in answers.refusals[0]
+
+
+def test_a_wait_for_a_step_that_was_reached_goes_on_at_once():
+    scheduler, answers, seen = Clocked(step=5), Answers(), []
+
+    def work():
+        for step in (0, 5, 7, 7, 3, 7, 9):
+            yield step
+            seen.append((step, scheduler.step))
+        return String()
+
+    scheduler.start(work(), answers)
+    assert seen == [(0, 5), (5, 5)]
+    scheduler.run_due(6)
+    assert seen == [(0, 5), (5, 5)]
+    scheduler.run_due(7)
+    assert seen[2:] == [(7, 7), (7, 7), (3, 7), (7, 7)]
+    scheduler.run_due(9)
+    assert answers.responses == [String()]
+
+
+def test_after_an_event_a_wait_counts_from_the_present_step():
+    scheduler, answers, event = Clocked(), Answers(), Event()
+
+    def work():
+        yield event
+        yield 40
+        return String(data="at once")
+
+    scheduler.start(work(), answers)
+    # Nothing was due meanwhile, so that the scheduler was not called.
+    scheduler.step = 50
+    event.set()
+    assert answers.responses == [String(data="at once")]
+    assert scheduler.next_due == NEVER
+
+
+def test_a_service_that_never_lets_time_go_on_is_ended(caplog):
+    scheduler, answers, cleaned = Clocked(step=3), Answers(), []
+
+    def work():
+        try:
+            while True:
+                yield 3
+        finally:
+            cleaned.append(True)
+
+    scheduler.start(work(), answers)
+    assert cleaned == [True]
+    assert answers.refusals == [
+        "internal error: it waited 10000 times in a row for what was past; a step later is `host.step + 1`"
+    ]
+    assert scheduler.waiting == 0
+    assert "a service was ended" in caplog.text
+
+
+def test_a_request_that_was_closed_is_not_resumed_by_the_event_it_waited_for():
+    scheduler, answers, event = Clocked(), Answers(), Event()
+
+    def work():
+        yield event
+        return String()
+
+    scheduler.start(work(), answers)
+    scheduler.cancel("stopping")
+    event.set()
+    assert answers.refusals == ["stopping"]
+    assert not answers.responses
+
+
+def test_an_owner_can_end_its_own_requests_only():
+    scheduler, mine, other = Clocked(), Answers(), Answers()
+
+    def work():
+        yield 10
+        return String()
+
+    scheduler.start(work(), mine, owner="me")
+    scheduler.start(work(), other, owner="you")
+    scheduler.cancel("switched off", owner="me")
+    scheduler.run_due(10)
+    assert mine.refusals == ["switched off"]
+    assert other.responses == [String()]
