@@ -49,10 +49,11 @@ def copied(tmp_path_factory):
     def lint():
         # The folders of the copy come before the installed packages.
         script = (
-            f"import sys; sys.path[:0] = [{str(folder)!r}, {str(folder / 'schemas')!r}, {str(folder / 'plugins')!r}]; "
+            f"import sys; sys.path[:0] = {[str(folder / part) for part in ('', 'schemas', 'plugins')]!r}; "
+            "from importlinter.cli import lint_imports_command; lint_imports_command(['--no-cache'])"
         )
-        script += "from importlinter.cli import lint_imports_command; lint_imports_command(['--no-cache'])"
-        done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, timeout=120)
+        command = [sys.executable, "-c", script]
+        done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True, timeout=120)
         return done.returncode, " ".join((done.stdout + done.stderr).split())
 
     return folder, lint
