@@ -108,7 +108,7 @@ class InlineWorker:
 
     def __init__(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> None:
         self.status = WorkerStatus()
-        self.order = spec
+        self.spec = spec
         self._simulation = simulation
         self._inbox = inbox
         self._hold = False

@@ -85,7 +85,7 @@ def test_a_name_that_the_nearest_server_does_not_have_is_asked_of_all(client, ne
 
 
 def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(listing, "_PATIENCE", 0.5)
+    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 0.5)
     kept = []
     hung = stranger.declare_queryable("hung/mjplug/interfaces", kept.append)
     token = stranger.liveliness().declare_token("@mjplug/hung/mjplug/1")
@@ -108,7 +108,7 @@ def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client
 
 
 def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(listing, "_PATIENCE", 1.0)
+    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 1.0)
     told = {"name": "/slow/mjplug", "version": "1", "endpoint": "", "topics": [], "services": []}
     asked = []
 
@@ -134,7 +134,7 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
 
 @pytest.mark.timeout(40)
 def test_a_program_that_matches_every_key_and_never_answers_holds_nobody_up(client, networks, stranger, monkeypatch):
-    monkeypatch.setattr(listing, "_PATIENCE", 80.0)
+    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 80.0)
     monkeypatch.setattr(listing, "_RETRY", 80.0)
     monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)
     networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))

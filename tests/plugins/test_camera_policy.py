@@ -70,7 +70,7 @@ def test_cameras_of_different_sizes_share_the_state_of_one_instant():
         assert front[stamp][6, 8] == pytest.approx(2.0 - top, rel=1e-5)
         assert wrist[stamp][15, 10] == pytest.approx(3.0 - top, rel=1e-5)
     # Together means in one job.
-    assert worker(world).health.performed == len(front.keys() | wrist.keys())
+    assert worker(world).status.performed == len(front.keys() | wrist.keys())
 
 
 def test_only_what_is_listened_to_is_published():
@@ -85,7 +85,7 @@ def test_with_nobody_listening_the_cameras_sleep_until_somebody_does():
     world = world_of(scene(TWO))
     listen(world)
     world.loop.step(250)
-    assert worker(world).health.performed == 0
+    assert worker(world).status.performed == 0
     assert world.loop.scheduler.next_due > world.simulation.step + 10_000
     listen(world, "wrist/depth/compressedDepth")
     world.transport.publishers["/cameras/wrist/depth/compressedDepth"].on_matched()
@@ -156,7 +156,7 @@ def test_triggers_at_a_time_are_all_answered():
     assert [call.answers for call in calls] == [1] * 4
     # One image serves all that waited for it.
     assert len(stamps(world, "front/color")) == len(stamps(world, "wrist/color")) == 1
-    assert worker(world).health.dropped == {}
+    assert worker(world).status.dropped == {}
 
 
 def test_a_trigger_draws_even_if_nobody_listens_and_says_so():
@@ -190,9 +190,9 @@ def test_a_lost_process_refuses_the_triggers_it_had():
     world = world_of(scene(TWO), front=POLLED)
     worker(world).hold()
     call = world.call("/cameras/front/trigger")
-    order = worker(world).order
+    spec = worker(world).spec
     (task,) = worker(world)._waiting[0].tasks
-    world.loop.inbox.post(lambda: order.on_lost(frozenset([task]), "it was killed by SIGKILL"))
+    world.loop.inbox.post(lambda: spec.on_lost(frozenset([task]), "it was killed by SIGKILL"))
     world.loop.step(1)
     assert call.refusal == "it was killed by SIGKILL"
 
@@ -258,7 +258,7 @@ def warnings(caplog):
 
 def test_a_camera_that_reaches_less_than_half_of_its_rate_is_told_once_a_minute(clock, caplog):
     world = world_of(scene(TWO), camera_publish_rate=10.0, wrist={"publish_rate": 2.0})
-    health = worker(world).health
+    health = worker(world).status
     health.starved = 0.9
 
     def one_second():
@@ -312,7 +312,7 @@ def test_a_trigger_that_takes_too_long_is_refused_with_the_reason(clock, state, 
     world.loop.step(1)
     worker(world).hold()
     call = world.call("/cameras/front/trigger")
-    worker(world).health.state, worker(world).health.reason = state, reason
+    worker(world).status.state, worker(world).status.reason = state, reason
     seconds(world, clock, 2)
     assert not call.answered
     seconds(world, clock, 4)
@@ -324,17 +324,17 @@ def test_a_trigger_that_takes_too_long_is_refused_with_the_reason(clock, state, 
 
 
 def test_the_settings_of_the_process_are_those_of_the_configuration():
-    order = worker(world_of(scene(TWO))).order
-    assert (order.priority, order.job_timeout) == ("low", 60.0)
-    order = worker(world_of(scene(TWO), priority="idle", job_timeout=5.0)).order
-    assert (order.priority, order.job_timeout) == ("idle", 5.0)
+    spec = worker(world_of(scene(TWO))).spec
+    assert (spec.priority, spec.job_timeout) == ("low", 60.0)
+    spec = worker(world_of(scene(TWO), priority="idle", job_timeout=5.0)).spec
+    assert (spec.priority, spec.job_timeout) == ("idle", 5.0)
 
 
 def test_in_software_the_log_says_so_once(caplog):
     world = world_of(scene(TWO))
     world.loop.step(1)
-    order = worker(world).order
-    world.loop.inbox.post(lambda: order.on_ready("rendering with EGL on llvmpipe (in software)"))
+    spec = worker(world).spec
+    world.loop.inbox.post(lambda: spec.on_ready("rendering with EGL on llvmpipe (in software)"))
     world.loop.step(1)
     assert len([r for r in caplog.records if "rendering with" in r.getMessage()]) == 1
 
@@ -397,8 +397,8 @@ def test_with_every_camera_disabled_no_process_is_started(caplog):
 
 
 def test_sync_is_asked_for_when_it_is_configured():
-    assert not worker(world_of(scene(TWO))).order.sync
-    assert worker(world_of(scene(TWO), sync=True)).order.sync
+    assert not worker(world_of(scene(TWO))).spec.sync
+    assert worker(world_of(scene(TWO), sync=True)).spec.sync
 
 
 def test_two_instances_draw_on_their_own():

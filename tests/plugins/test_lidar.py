@@ -286,7 +286,7 @@ def test_only_lidars_that_somebody_listens_to_are_cast():
     assert world.published("/points") == []
     world.transport.publishers["/scan"].matched = False
     world.loop.step(50)
-    assert world.workers.workers["lidar"].health.performed == 2
+    assert world.workers.workers["lidar"].status.performed == 2
     assert world.loop.scheduler.next_due > 1_000_000
     world.transport.publishers["/points"].matched = True
     world.transport.publishers["/points"].on_matched()
@@ -297,7 +297,7 @@ def test_only_lidars_that_somebody_listens_to_are_cast():
 def test_lidars_of_one_rate_are_cast_from_one_state_in_one_job():
     world = world_of(room(), scan=lidar(4), cloud=lidar(4, 4), slow=lidar(2, topic="/slow", update_rate=5.0))
     world.loop.step(100)
-    assert world.workers.workers["lidar"].health.performed == 3
+    assert world.workers.workers["lidar"].status.performed == 3
     assert [len(world.published(topic)) for topic in ("/scan", "/points", "/slow")] == [2, 2, 1]
 
 
@@ -326,14 +326,14 @@ def test_diagnostics_say_how_the_worker_fares_and_how_long_a_scan_took():
 
 def test_physics_waits_for_scans_only_if_asked_to():
     for sync in (False, True):
-        assert world_of(room(), scan=lidar(4), sync=sync).workers.workers["lidar"].order.sync is sync
+        assert world_of(room(), scan=lidar(4), sync=sync).workers.workers["lidar"].spec.sync is sync
 
 
 def test_work_that_is_lost_is_said_once(caplog):
     world = world_of(room(), scan=lidar(4))
-    order = world.workers.workers["lidar"].order
+    spec = world.workers.workers["lidar"].spec
     for _ in range(3):
-        order.on_lost(frozenset({"scan"}), "the process died")
+        spec.on_lost(frozenset({"scan"}), "the process died")
     assert [r.getMessage() for r in caplog.records] == ["no scan of scan: the process died"]
 
 

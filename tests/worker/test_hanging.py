@@ -135,7 +135,7 @@ def test_a_process_that_sends_nothing_hangs(used):
 
 def test_a_process_that_sends_signs_of_life_does_not(used):
     watch = HangDetector(1, 60.0)
-    assert looks(watch, 100, None, each=watch.heard) is None
+    assert looks(watch, 100, None, each=watch.message_received) is None
 
 
 def test_a_silent_process_that_computes_or_waits_for_a_processor_does_not_hang_until_its_job_takes_too_long(used):
@@ -170,10 +170,16 @@ def test_each_job_has_its_own_time(used):
 
 def test_opening_may_take_longer_than_a_job(used):
     watch = HangDetector(1, 5.0)
-    assert looks(watch, 1000, "opening", True, watch.heard) == (60, "opening it took longer than 60 s (job_timeout)")
+    assert looks(watch, 1000, "opening", True, watch.message_received) == (
+        60,
+        "opening it took longer than 60 s (job_timeout)",
+    )
     assert watch.too_long
     watch = HangDetector(1, 90.0)
-    assert looks(watch, 1000, "opening", True, watch.heard) == (90, "opening it took longer than 90 s (job_timeout)")
+    assert looks(watch, 1000, "opening", True, watch.message_received) == (
+        90,
+        "opening it took longer than 90 s (job_timeout)",
+    )
 
 
 def test_time_in_which_nobody_looked_does_not_count(used):

@@ -200,7 +200,7 @@ def test_the_process_imports_from_where_the_server_does(server, tmp_path, monkey
 def test_what_lies_in_the_current_folder_is_not_taken_for_python_s_own(server, tmp_path, monkeypatch):
     (tmp_path / "queue.py").write_text("raise RuntimeError('not this one')")
     monkeypatch.chdir(tmp_path)
-    assert server.order(works.Tells()).wait_for_ready().health.state == "running"
+    assert server.order(works.Tells()).wait_for_ready().status.state == "running"
 
 
 def test_a_work_that_cannot_be_sent_is_refused(server):
