@@ -7,7 +7,7 @@ export UV_PYTHON_DOWNLOADS := never
 # How many processes share the tests, a module at a time: the tests of a module share servers and folders.
 TEST_PROCESSES ?= auto
 
-.PHONY: help setup demo serve test test-slow check format bench fuzz soak docs docs-test clean
+.PHONY: help setup demo serve test test-slow check format bench fuzz soak docs docs-test version clean
 
 FUZZ_COUNT ?= 100000
 FUZZ_SEED ?= 0
@@ -72,6 +72,13 @@ docs: $(READY) ## Builds the documentation as a site, into build/site; a broken 
 
 docs-test: $(READY) ## Runs every code block of README and docs.
 	@$(RUN)/python -m pytest tests/docs
+
+version: $(READY) ## Sets the version in every file that has it: make version VERSION=0.2.0
+	@test -n "$(VERSION)" || { echo "say which: make version VERSION=0.2.0"; exit 1; }
+	@$(UV) version --quiet --no-sync $(VERSION)
+	@sed -i.old 's|<version>.*</version>|<version>$(VERSION)</version>|' bridge_ros2/package.xml
+	@sed -i.old 's|^version: .*|version: $(VERSION)|' CITATION.cff
+	@rm bridge_ros2/package.xml.old CITATION.cff.old
 
 clean: ## Removes what the other targets made.
 	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build

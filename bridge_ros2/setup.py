@@ -1,14 +1,17 @@
 """Installs the package where ROS 2 looks for it. Colcon runs this; pip is not needed."""
 
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import setup
 
 NAME = "mjplug_bridge_ros2"
+# ROS 2 reads the version from package.xml.
+VERSION = ElementTree.parse("package.xml").findtext("version")
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=VERSION,
     description="Maps the topics and services of an mjplug simulation server to ROS 2, whatever its RMW.",
     license="Apache-2.0",
     packages=[NAME],
