@@ -2,9 +2,9 @@
 
 Usage: python examples/run.py NAME      (a folder of this one, such as 00_push_a_box)
 
-Each configuration file of the folder is a server; those after the first connect to the first. The script is the one
-that says how it is used, and finds the server by the environment variable MJPLUG_CONNECT, or by its first argument.
-A folder with a `run.py` of its own knows better.
+Each configuration file of the folder starts a server; the second and later ones connect to the first. The script is the
+file with a usage line. It gets the endpoint of the first server as its argument and in the environment variable
+MJPLUG_CONNECT. If the folder contains a `run.py`, that is run instead.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parent
 
 
 def main() -> int:
-    """Returns the exit code of whichever part failed, or 0."""
+    """Returns the exit code of the part that failed, or 0."""
     known = sorted(config.parent.name for config in EXAMPLES.glob("*/config.yaml"))
     if len(sys.argv) != 2 or sys.argv[1].rstrip("/") not in known:
         print(f"usage: python examples/run.py NAME, one of: {', '.join(known)}", file=sys.stderr)
@@ -43,12 +43,12 @@ def start(config: Path, router: str) -> "subprocess.Popen[str]":
 
     Args:
         config: The file.
-        router: Endpoint of another server to connect to; empty is none.
+        router: Endpoint of another server to connect to; empty for none.
     """
     shown = ["mjplug", "serve", f"examples/{config.parent.name}/{config.name}", *(["--connect", router] * bool(router))]
     print("$", *shown, flush=True)
     command = [sys.executable, "-m", "mjplug", "serve", str(config), *shown[3:]]
-    # A free port, so that an example works beside another server.
+    # With port 0, an example also works if another server uses port 7447.
     return subprocess.Popen([*command, "--listen", "tcp/127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
 
 

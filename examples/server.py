@@ -1,4 +1,4 @@
-"""A server as an example runs it: shown while it starts, and stopped as Ctrl-C would."""
+"""Waits for the server of an example, and stops it with SIGINT."""
 
 import contextlib
 import re
@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def serving(server: "subprocess.Popen[str]") -> Iterator[str]:
-    """Waits until a server is ready, and stops it when the block ends; the value is its endpoint.
+    """Waits until a server is ready, yields its endpoint, and stops the server at the end of the block.
 
     Args:
-        server: The process; its standard output is a pipe.
+        server: The process of the server; its standard output is a pipe.
     """
     assert server.stdout is not None
     try:

@@ -1,4 +1,4 @@
-"""A plugin of one's own: publishes where a body is."""
+"""An example of a plugin: publishes the pose of a body."""
 
 from pydantic import Field
 
@@ -18,14 +18,14 @@ class TrackBody(Plugin[TrackBodyParameters]):
     """Publishes a body's pose in the world frame on `~/pose` (geometry_msgs/PoseStamped)."""
 
     def init(self, host: Host, parameters: TrackBodyParameters) -> None:
-        """Looks the body up and starts the timer."""
+        """Finds the body and creates the publisher and the timer."""
         self.host = host
         self.body = host.body_id(parameters.body)
         self.poses = host.create_publisher(PoseStamped, "~/pose")
         host.create_timer(1.0 / parameters.rate, self.publish, while_matched=self.poses)
 
     def publish(self) -> None:
-        """Publishes the pose at the current instant."""
+        """Publishes the pose at the present simulated time."""
         self.host.kinematics()
         x, y, z = self.host.data.xpos[self.body].tolist()
         qw, qx, qy, qz = self.host.data.xquat[self.body].tolist()

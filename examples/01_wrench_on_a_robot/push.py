@@ -1,6 +1,6 @@
-"""Pushes the dog sideways, and watches how it takes it.
+"""Pushes the quadruped sideways and prints how its trunk moves.
 
-Usage: python push.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python push.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 from mjplug.client import connect

@@ -1,6 +1,6 @@
-"""Drives a circle, then lets go.
+"""Drives a circle, then stops sending commands.
 
-Usage: python drive.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python drive.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 import math
@@ -13,11 +13,11 @@ with connect() as client:
     states = client.subscribe("/base/free_joint_states", depth=1000)
 
     def watch(count):
-        """Returns where the base is in the next so many messages, 100 of which come in a second."""
+        """Returns the position of the base in the next `count` messages; there are 100 messages per second."""
         return [states.next(timeout=5.0).free_joints[0].pose.pose.position for _ in range(count)]
 
     circle = []
-    # A command holds for half a second, so it is said again and again, as a joystick would.
+    # A command holds for 0.5 s, so it is repeated every 0.1 s, as a joystick does.
     for _ in range(15):
         cmd_vel.publish(Twist(linear=Vector3(x=0.8), angular=Vector3(z=1.6)))
         circle += watch(10)

@@ -1,4 +1,4 @@
-"""Asks for a picture and saves it, with nothing but Zenoh, JSON, numpy and OpenCV; then one of the streaming camera.
+"""Requests an image and saves it, then saves an image of the streaming camera; with Zenoh, JSON, numpy and OpenCV.
 
 Usage: python take_pictures.py [ENDPOINT [FOLDER]]      (default tcp/127.0.0.1:7447, the current folder)
 """
@@ -20,15 +20,15 @@ config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([sys.argv[1] if len(sys.argv) > 1 else "tcp/127.0.0.1:7447"]))
 folder = Path(sys.argv[2] if len(sys.argv) > 2 else ".")
 
-PATIENCE = 30.0
-"""How long to wait for a picture [s]; without a graphics card, `quality: full` takes a while."""
+IMAGE_TIMEOUT = 30.0
+"""How long to wait for an image [s]; with software rendering, `quality: full` is slow."""
 
 ATTEMPTS = 5
-"""How often a picture is asked for."""
+"""How often an image is requested."""
 
 
 def main() -> int:
-    """Saves four pictures; returns 0 if they came."""
+    """Saves three files; returns 0 if all images arrived."""
     with zenoh.open(config) as session:
         inbox: dict[str, queue.Queue[bytes]] = {}
         for topic in ("overview/color", "overview/depth", "overview/camera_info", "wrist/color/compressed"):
@@ -39,14 +39,14 @@ def main() -> int:
         for _ in range(ATTEMPTS):
             answer = ask(session, "cameras/overview/trigger")
             print("trigger:", answer["message"], flush=True)
-            # The message says why; on a busy machine the renderer may still be starting.
+            # If the request was refused, the message says why: the renderer may still be starting.
             if not answer["success"]:
                 continue
-            # Like every stream, images may be dropped on a busy network; then another one is asked for.
+            # Zenoh may drop an image on a busy link; then another one is requested.
             if picture := received(inbox["overview/color"], inbox["overview/depth"], inbox["overview/camera_info"]):
                 break
         if picture is None:
-            print("the pictures do not arrive", file=sys.stderr)
+            print("no image arrived", file=sys.stderr)
             return 1
         image, depth, info = Image.from_cdr(picture[0]), Image.from_cdr(picture[1]), CameraInfo.from_cdr(picture[2])
 
@@ -59,23 +59,23 @@ def main() -> int:
         middle = float(metres[depth.height // 2, depth.width // 2])
         print(f"in the middle, {middle:.3f} m away; nearest {np.nanmin(metres):.3f} m; fx = {info.k[0]:.1f} pixels")
 
-        # CompressedImage in CDR: header, format, data; OpenCV finds the JPEG by its first bytes.
-        compressed = inbox["wrist/color/compressed"].get(timeout=PATIENCE)
+        # A CompressedImage in CDR is header, format and data; the JPEG begins with ff d8 ff.
+        compressed = inbox["wrist/color/compressed"].get(timeout=IMAGE_TIMEOUT)
         (folder / "wrist.jpg").write_bytes(compressed[compressed.index(b"\xff\xd8\xff") :])
-        print("wrist.jpg: as it came")
+        print("wrist.jpg: the JPEG of the server, unchanged")
     return 0
 
 
 def received(*inboxes: "queue.Queue[bytes]") -> list[bytes] | None:
-    """Returns the next message of each, or None if one of them does not come."""
+    """Returns the next message of each topic, or None if one of them does not arrive."""
     try:
-        return [inbox.get(timeout=PATIENCE / ATTEMPTS) for inbox in inboxes]
+        return [inbox.get(timeout=IMAGE_TIMEOUT / ATTEMPTS) for inbox in inboxes]
     except queue.Empty:
         return None
 
 
 def painted(metres: np.ndarray) -> np.ndarray:
-    """Returns depth as colours, near ones warm and far ones cool; black is nothing."""
+    """Returns a colour image of a depth image [m]: near is red, far is blue, infinite is black."""
     something = np.isfinite(metres)
     near, far = np.percentile(metres[something], (0.5, 99.5))
     scaled = np.clip((far - metres) / (far - near), 0, 1, where=something, out=np.zeros_like(metres))
@@ -85,8 +85,8 @@ def painted(metres: np.ndarray) -> np.ndarray:
 
 
 def ask(session: zenoh.Session, service: str) -> dict[str, Any]:
-    """Calls a service without arguments."""
-    for reply in session.get(service, payload="{}", encoding=zenoh.Encoding.APPLICATION_JSON, timeout=PATIENCE):
+    """Calls a service with an empty request and returns the response."""
+    for reply in session.get(service, payload="{}", encoding=zenoh.Encoding.APPLICATION_JSON, timeout=IMAGE_TIMEOUT):
         if reply.ok is not None:
             return json.loads(reply.ok.payload.to_bytes())
         return {"success": False, "message": reply.err.payload.to_string()}

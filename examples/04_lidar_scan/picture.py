@@ -1,4 +1,4 @@
-"""Draws a laser scan from above, a point cloud in perspective, and the cloud's distances as an image."""
+"""Draws a laser scan from above, a point cloud in perspective, and the distances of the cloud as an image."""
 
 import cv2
 import numpy as np
@@ -10,13 +10,14 @@ Image = NDArray[np.uint8]
 Array = NDArray[np.float64]
 
 PAPER, GRID, INK, FREE, BEAM = (28, 22, 18), (58, 48, 42), (225, 220, 215), (66, 52, 40), (90, 200, 255)
-"""Colours, blue first."""
+"""Colours as blue, green, red (BGR), from 0 to 255."""
 
 WIDE, HIGH, STRIP, MARGIN = 700, 620, 150, 24
+"""Width and height of a panel, height of the strip of distances, width of the margin [pixels]."""
 
 
 def picture(scan: LaserScan, cloud: PointCloud2) -> Image:
-    """Returns the whole picture, blue, green and red."""
+    """Returns the picture: BGR, shape (height, width, 3)."""
     points = np.frombuffer(cloud.data, "<f4").reshape(cloud.height, cloud.width, 3).astype(float)
     top = np.hstack([_from_above(scan), _in_perspective(points.reshape(-1, 3))])
     return np.vstack([top, _distances(points, top.shape[1])])
@@ -44,7 +45,7 @@ def _from_above(scan: LaserScan) -> Image:
     ranges = np.array(scan.ranges)
     seen = np.isfinite(ranges)
     ends = np.where(seen, ranges, scan.range_max)
-    # The sensor looks up the page, its left is on the left.
+    # The x axis of the sensor points up in the picture, the y axis to the left.
     scale, origin = 70.0, np.array([WIDE / 2, HIGH * 0.66])
     pixels = origin + scale * np.stack([-np.sin(angles) * ends, -np.cos(angles) * ends], axis=1)
     cv2.fillPoly(image, [np.vstack([origin, pixels]).astype(np.int32)], FREE, cv2.LINE_AA)
@@ -68,14 +69,14 @@ def _in_perspective(points: Array) -> Image:
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, (0, 0, 1))
     right /= np.linalg.norm(right)
-    # As in a doll's house, what stands on the near side is left away.
+    # Points on the side of the viewer are left out, because they would hide the others.
     towards_eye = (eye - target)[:2] / np.linalg.norm((eye - target)[:2])
     points = points[((points[:, :2] - target[:2]) @ towards_eye < 2.2) | (points[:, 2] < -0.6)]
     view = (points - eye) @ np.stack([right, -np.cross(right, forward), forward], axis=1)
     depth = view[:, 2]
     x, y = (WIDE * view[:, :2] / depth[:, None] + (WIDE / 2, HIGH / 2)).round().astype(int).T
     colours = _colours(points[:, 2], -0.9, 1.7).astype(float)
-    # What is far fades into the paper.
+    # Far points fade into the background.
     near = (1.25 - depth / 16).clip(0.35, 1)[:, None]
     colours = near * colours + (1 - near) * PAPER
     for i in np.argsort(-depth):
@@ -86,10 +87,10 @@ def _in_perspective(points: Array) -> Image:
 
 def _distances(points: Array, width: int) -> Image:
     rows, columns = points.shape[:2]
-    title = f"distances of the cloud: {rows} rows by {columns} columns, left is left"
+    title = f"distances of the cloud: {rows} rows by {columns} columns, the left column is at the left"
     image = _panel(width, STRIP + 44 + MARGIN, title)
     distances = np.linalg.norm(points, axis=2)
-    # Row 0 looks lowest, column 0 farthest to the right.
+    # Row 0 is the lowest, column 0 the rightmost one.
     coloured = _colours(-np.nan_to_num(distances, nan=1e3).reshape(-1), -6.0, -0.5).reshape(rows, columns, 3)
     coloured[np.isnan(distances)] = GRID
     strip = cv2.resize(coloured[::-1, ::-1], (width - 2 * MARGIN, STRIP), interpolation=cv2.INTER_AREA)

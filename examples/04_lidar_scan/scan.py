@@ -1,4 +1,4 @@
-"""Waits for one scan and one point cloud, with nothing but Zenoh, and draws them.
+"""Waits for one laser scan and one point cloud, with Zenoh only, and draws them.
 
 Usage: python scan.py [ENDPOINT] [FILE]      (default tcp/127.0.0.1:7447, lidar.png in the current folder)
 """
@@ -22,7 +22,7 @@ file = Path(sys.argv[2] if len(sys.argv) > 2 else "lidar.png")
 
 
 def main() -> int:
-    """Returns 0 once the picture is written."""
+    """Writes the picture; returns 0, or 1 if no message arrived."""
     with zenoh.open(config) as session:
         scans: queue.Queue[LaserScan] = queue.Queue()
         clouds: queue.Queue[PointCloud2] = queue.Queue()

@@ -1,6 +1,6 @@
-"""Knocks the tower down with the ball, and puts everything back where it was.
+"""Knocks the tower down with the ball, then restores all poses and velocities.
 
-Usage: python rebuild.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python rebuild.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 from mjplug.client import connect
@@ -9,13 +9,13 @@ with connect() as client:
     states = client.subscribe("/things/free_joint_states", depth=1000)
 
     def after(seconds):
-        """Lets time pass; returns the states then, 50 of which come in a second, by name."""
+        """Steps the simulation for `seconds`; returns the last states by name (50 messages per second)."""
         client.call("~/step_simulation", steps=round(seconds / 0.002))
         messages = [states.next(timeout=5.0) for _ in range(round(seconds * 50))]
         return {state.name: state for state in messages[-1].free_joints}
 
     def height(state):
-        """Returns how high a body is [m]."""
+        """Returns the height of a body [m]."""
         return state.pose.pose.position.z
 
     tower = after(0.5)

@@ -1,6 +1,6 @@
-"""Lets the wind blow harder and harder, and looks how far the sign swings out.
+"""Increases the wind in three steps and prints the angle at which the sign comes to rest.
 
-Usage: python storm.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python storm.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 import math
@@ -16,4 +16,4 @@ with connect() as client:
             # Four seconds of simulated time.
             settled = [angles.next(timeout=5.0) for _ in range(200)][-1]
         angle = -math.degrees(settled.position[0])
-        print(f"{speed:4.1f} m/s press with {force:5.2f} N: the sign hangs at {angle:5.2f} degrees")
+        print(f"{speed:4.1f} m/s: a force of {force:5.2f} N, the sign hangs at {angle:5.2f} degrees")

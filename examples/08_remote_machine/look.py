@@ -1,4 +1,4 @@
-"""Looks at a robot on another machine, and pushes it.
+"""Lists what a server on another machine provides, and calls its services.
 
 Usage: python look.py ENDPOINT      (such as tcp/10.99.0.1:7447)
 """

@@ -1,16 +1,16 @@
-"""Balances the pole in lockstep: look, decide, take five steps, and again, however long each takes.
+"""Balances the pole in lockstep: sends a force, requests five steps, reads the state, and repeats.
 
-Usage: python balance.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python balance.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 from mjplug.client import connect
 
 GAINS = (2.0, 3.0, 40.0, 7.0)
-"""Newtons per metre, metre per second, radian and radian per second."""
+"""Gains of cart position [N/m], cart velocity [N·s/m], pole angle [N/rad] and pole velocity [N·s/rad]."""
 
 
 def decide(position, velocity):
-    """Returns the force on the cart [N]: whoever catches a falling pole has to run after it."""
+    """Returns the force on the cart [N] that brings the pole upright and the cart to 0."""
     state = (position[0], velocity[0], position[1], velocity[1])
     return sum(gain * value for gain, value in zip(GAINS, state, strict=True))
 

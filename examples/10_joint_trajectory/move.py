@@ -1,6 +1,6 @@
-"""Sends the arm along a trajectory of three points, and looks how it follows.
+"""Sends a trajectory of three points and prints the range of motion of each joint.
 
-Usage: python move.py      (the server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python move.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 from mjplug.client import connect
@@ -14,9 +14,9 @@ points = [
 with connect() as client:
     states = client.subscribe("/joint_states", depth=1000)
     client.publish("/arm/joint_trajectory", {"joint_names": ["joint1", "joint2"], "points": points})
-    # Two seconds, 100 states each.
+    # 2 s, with 100 messages per second.
     seen = [states.next(timeout=5.0) for _ in range(200)]
 
 for joint in ("joint1", "joint2"):
     angles = [state.position[state.name.index(joint)] for state in seen]
-    print(f"{joint} went from {min(angles):+.3f} to {max(angles):+.3f} rad, and is at {angles[-1]:+.3f}")
+    print(f"{joint} went from {min(angles):+.3f} to {max(angles):+.3f} rad, and ends at {angles[-1]:+.3f}")
