@@ -242,3 +242,18 @@ def test_the_arm_goes_where_the_trajectory_goes(ran):
             pytest.approx(high, abs=0.02),
             pytest.approx(0, abs=0.005),
         )
+
+
+def test_the_own_message_has_the_definition_of_a_ros_message():
+    script = "\n".join((
+        "from gripper_msgs import GripperState",
+        "from mjplug_schemas.definition import definition",
+        "print(definition(GripperState))",
+    ))  # fmt: skip
+    folder = EXAMPLES / "11_own_message"
+    done = subprocess.run([sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, check=True)
+    fields = [line for line in done.stdout.splitlines() if line and not line.startswith("#")]
+    assert fields == [
+        "uint8 OPEN=0", "uint8 CLOSED=1", "uint8 BETWEEN=2",
+        "std_msgs/Header header", "uint8 state", "float64 opening",
+    ]  # fmt: skip
