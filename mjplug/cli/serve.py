@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mjplug.cli.engine import import_mujoco
+from mjplug.cli.engine import import_mujoco, quick_imports
 from mjplug.cli.output import say
 from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
@@ -78,10 +78,11 @@ def serve(
     ending = QuickEnd()
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
-    from mjplug.cli.exit_codes import exit_code
-    from mjplug.config.load import Option, read
-    from mjplug.lifecycle import serve as lifecycle
-    from mjplug.server import opening
+    with quick_imports():
+        from mjplug.cli.exit_codes import exit_code
+        from mjplug.config.load import Option, read
+        from mjplug.lifecycle import serve as lifecycle
+        from mjplug.server import opening
 
     if duration is not None and not duration <= LONGEST_TIME:
         raise typer.BadParameter(f"it must be at most {LONGEST_TIME} s, not {duration:g}", param_hint="--duration")

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Runs the process to its end."""
+    # Until the work is open: imports create many objects and leave little garbage.
+    gc.disable()
     background.ignore_signals()
     line = _Line()
     first = line.receive()
@@ -129,6 +131,7 @@ def _open(line: _Line, environment: ChildEnvironment, logger: logging.Logger) ->
         return None
     gc.collect()
     gc.freeze()
+    gc.enable()
     line.send(Ready(said))
     return runner
 

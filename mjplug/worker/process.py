@@ -119,9 +119,14 @@ class WorkerProcess:
         return f"it was killed by {_signal(-code)}" if code < 0 else f"it ended with code {code}"
 
 
+_DEFAULTS = {"OPENBLAS_NUM_THREADS": "1"}
+"""NumPy's threads for linear algebra spin when they are created, and would take processor time from physics."""
+
+
 def environment(changes: Mapping[str, str]) -> dict[str, str]:
     """Returns the server's environment with some changes; an empty value takes a variable away."""
-    return {name: value for name, value in {**os.environ, **changes}.items() if value or name not in changes}
+    full = {**_DEFAULTS, **os.environ, **changes}
+    return {name: value for name, value in full.items() if value or name not in changes}
 
 
 def _pipe(stream: IO[bytes] | None) -> IO[bytes]:
