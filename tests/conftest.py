@@ -1,7 +1,23 @@
 """Models and a loop without threads or sockets."""
 
-import mujoco
+import os
+import sys
+
+import left_over
 import pytest
+import warm_python
+from machine import BYTECODE
+
+# Compiled modules are kept, whatever the machine's settings say, and NumPy starts no threads: both before NumPy and
+# MuJoCo are imported here, and in every program that a test starts.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+os.environ.update(PYTHONPYCACHEPREFIX=BYTECODE, OPENBLAS_NUM_THREADS="1")
+sys.dont_write_bytecode, sys.pycache_prefix = False, BYTECODE
+warm_python.enabled = True
+left_over.mark()
+
+# ruff: noqa: E402
+import mujoco
 from fakes import FakeTransport, InlineWorkers
 from hypothesis import settings
 
@@ -70,6 +86,26 @@ def pytest_runtest_makereport():
     report = yield
     report.sections = [(name, text.encode("utf-8", "backslashreplace").decode()) for name, text in report.sections]
     return report
+
+
+_left_over = []
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session):
+    """Lets the run fail if a process that a test has started outlives all tests."""
+    warm_python.close()
+    _left_over.extend(left_over.found())
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["left_over"] = _left_over
+    elif _left_over:
+        raise pytest.UsageError("the tests have left processes behind:\n" + "\n".join(_left_over))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """Takes what a process of a parallel run has found."""
+    _left_over.extend(getattr(node, "workeroutput", {}).get("left_over", ()))
 
 
 class World:

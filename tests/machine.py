@@ -3,9 +3,14 @@
 import os
 import shutil
 import subprocess
+import tempfile
+from pathlib import Path
 from typing import NoReturn
 
 import pytest
+
+BYTECODE = str(Path(tempfile.gettempdir(), f"mjplug-bytecode-{os.getuid()}"))
+"""Compiled modules, shared by all processes of all test runs: without them, each start takes twice as long."""
 
 
 def lacking(reason: str) -> NoReturn:

@@ -6,11 +6,13 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+import warm_python
+from machine import BYTECODE
 
 STARTING = 40.0
 """How long a server may take to become ready on a machine with other work [s]."""
@@ -22,15 +24,11 @@ COMMAND = (sys.executable, "-m", "mjplug")
 FREE_PORT = ("--listen", "tcp/127.0.0.1:0")
 
 
-_BYTECODE = str(Path(tempfile.gettempdir(), f"mjplug-bytecode-{os.getuid()}"))
-"""Compiled modules, shared by all processes of all test runs: without them, each start takes twice as long."""
-
-
 def environment(more: Mapping[str, str] | None = None) -> dict[str, str]:
     """What a user's shell has, without settings for mjplug, and with plain wide output."""
     foreign = ("MJPLUG_", "FORCE_COLOR", "PYTHONDONTWRITEBYTECODE")
     own = {name: value for name, value in os.environ.items() if not name.startswith(foreign)}
-    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200", "PYTHONPYCACHEPREFIX": _BYTECODE}
+    plain = {"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "200", "PYTHONPYCACHEPREFIX": BYTECODE}
     return own | plain | dict(more or {})
 
 
@@ -42,15 +40,7 @@ def run(
     command: Iterable[str] = COMMAND,
 ) -> subprocess.CompletedProcess[str]:
     """Runs a command to its end."""
-    return subprocess.run(
-        [*command, *arguments],
-        cwd=cwd,
-        env=environment(env),
-        capture_output=True,
-        text=True,
-        timeout=within,
-        check=False,
-    )
+    return warm_python.run(tuple(command), arguments, cwd=cwd, env=environment(env), timeout=within)
 
 
 class Lines:
@@ -109,14 +99,10 @@ class Served:
     """A running `mjplug serve`."""
 
     def __init__(self, *arguments, cwd, env=None, command=COMMAND, listen=FREE_PORT):
-        self.process = subprocess.Popen(
-            [*command, "serve", *arguments, *listen],
-            cwd=cwd,
-            env=environment(env),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self.process = warm_python.popen(
+            tuple(command), ("serve", *arguments, *listen),
+            cwd=cwd, env=environment(env), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
         self.out, self.err = Lines(self.process.stdout), Lines(self.process.stderr)
         try:
             ready = self.out.wait_for(r"ready.*?((?:tcp|tls)/\S+:\d+)", STARTING)

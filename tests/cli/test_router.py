@@ -5,6 +5,7 @@ import subprocess
 import time
 
 import pytest
+import warm_python
 from cli.process import COMMAND, STARTING, STOPPING, Lines, environment
 
 from mjplug.client import ClientError, connect
@@ -18,9 +19,9 @@ class Router:
     """A running `mjplug router`."""
 
     def __init__(self, endpoint, cwd):
-        self.process = subprocess.Popen(
-            [*COMMAND, "router", "--listen", endpoint],
-            cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        self.process = warm_python.popen(
+            COMMAND, ("router", "--listen", endpoint),
+            cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         self.out, self.err = Lines(self.process.stdout), Lines(self.process.stderr)
         ready = self.out.wait_for(r"^ready · (\S+) · router$", STARTING)

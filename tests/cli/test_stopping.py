@@ -4,6 +4,7 @@ import signal
 import subprocess
 
 import pytest
+import warm_python
 from cli.client import wrench, wrenches
 from cli.process import COMMAND, FREE_PORT, STOPPING, environment
 
@@ -25,11 +26,13 @@ def test_a_signal_ends_the_server_and_tells_those_who_wait(serve, connect, numbe
 
 
 def test_a_signal_that_follows_the_ready_line_at_once_is_not_too_early(tmp_path):
-    command = [*COMMAND, "serve", "bundled:box", *FREE_PORT]
-    servers = [subprocess.Popen(command, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE) for _ in range(3)]
+    words = ("serve", "bundled:box", *FREE_PORT)
+    servers = [
+        warm_python.popen(COMMAND, words, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE) for _ in range(3)
+    ]
     try:
         for server in servers:
-            assert server.stdout.readline().startswith(b"ready")
+            assert server.stdout.readline().startswith("ready")
             server.send_signal(signal.SIGTERM)
         assert [server.wait(STOPPING) for server in servers] == [0, 0, 0]
     finally:

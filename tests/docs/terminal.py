@@ -10,6 +10,7 @@ import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import warm_python
 from docs.markdown import ROOT, blocks_of
 
 PATIENCE = 25.0
@@ -94,15 +95,14 @@ class Reader:
 
         A command that talks to a server finds it at `endpoint`.
         """
-        return subprocess.run(
-            [sys.executable, "-m", *self._local(command)],
+        words = self._local(command)
+        return warm_python.run(
+            (sys.executable, "-m", words[0]),
+            words[1:],
             cwd=self.folder,
             env=_environment(command, endpoint),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
             timeout=PATIENCE,
-            check=False,
+            one_stream=True,
         )
 
     def script(self, text: str, name: str, endpoint: str | None = None) -> "subprocess.CompletedProcess[str]":
@@ -143,13 +143,14 @@ class Reader:
         assert not any(codes.values()), codes
 
     def _start(self, command: Command, as_it_is: bool) -> Server:
-        process = subprocess.Popen(
-            [sys.executable, "-m", *(command.words if as_it_is else self._local(command))],
+        program, *words = command.words if as_it_is else self._local(command)
+        process = warm_python.popen(
+            (sys.executable, "-m", program),
+            words,
             cwd=self.folder,
             env=_environment(command),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            text=True,
         )
         alarm = threading.Timer(PATIENCE, process.kill)
         alarm.start()

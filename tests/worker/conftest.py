@@ -4,7 +4,6 @@ import time
 
 import mujoco
 import pytest
-from cli.process import environment
 from conftest import ARM
 from wire.conftest import ANY_PORT, Client
 
@@ -96,15 +95,8 @@ class Server:
         self.network.close()
 
 
-@pytest.fixture(autouse=True)
-def quick_starts(monkeypatch):
-    """Lets processes keep what Python compiles, where the machine's settings would not."""
-    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
-    monkeypatch.setenv("PYTHONPYCACHEPREFIX", environment()["PYTHONPYCACHEPREFIX"])
-
-
 @pytest.fixture
-def server(quick_starts):
+def server():
     server = Server(ros2=RosSettings(), listen=ANY_PORT)
     yield server
     server.close()
