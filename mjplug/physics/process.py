@@ -10,11 +10,15 @@ import re
 import struct
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from time import monotonic
+from weakref import WeakKeyDictionary
 
 import mujoco
 
+from mjplug.log_scope import current_scope
+from mjplug.shared_change import SharedChange, Undo
 from mjplug.throttle import Throttle
 
 SWITCH_INTERVAL = 1e-4
@@ -34,23 +38,61 @@ _log = logging.getLogger(__name__)
 
 
 def tame_mujoco() -> None:
-    """Routes MuJoCo's warnings to our log, not to console and MUJOCO_LOG.TXT; removes its per-step timer callback."""
+    """Routes MuJoCo's warnings to our log for the rest of the process; see `mujoco_tamed`."""
+    _MUJOCO.hold()
+
+
+def mujoco_tamed() -> AbstractContextManager[None]:
+    """Routes MuJoCo's warnings to our log until the end of the block.
+
+    They go neither to the console nor to MUJOCO_LOG.TXT. MuJoCo has one warning function for all threads of a process:
+    the warnings of a thread that works for no server go to the function that was set before, if there was one.
+
+    MuJoCo's timer callback is removed meanwhile. It costs 0.75 µs a step; without it, `mjData.timer` stays zero.
+    """
+    return _MUJOCO.held()
+
+
+def _tame_mujoco() -> Undo:
+    logged, warned = mujoco.MjLogConfig.get(), mujoco.get_mju_user_warning()
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
     config.logto_console = False
     mujoco.MjLogConfig.set(config)
-    mujoco.set_mju_user_warning(_throttled_warnings())
+    mujoco.set_mju_user_warning(_throttled_warnings(warned))
+    timer = _timer_callback()
+    timed = None if timer is None else timer.value
     clear_timer_callback()
 
+    def undo() -> None:
+        mujoco.MjLogConfig.set(logged)
+        mujoco.set_mju_user_warning(warned)
+        if timer is not None:
+            timer.value = timed
 
-def _throttled_warnings() -> Callable[[str], None]:
-    """Returns what logs MuJoCo's warnings, each kind at most once in `WARNING_SECONDS`.
+    return undo
+
+
+_MUJOCO = SharedChange(_tame_mujoco)
+
+
+def _throttled_warnings(others: Callable[[str], None] | None) -> Callable[[str], None]:
+    """Returns what logs MuJoCo's warnings, each kind of each server at most once in `WARNING_SECONDS`.
 
     MuJoCo warns once of each kind until it is told to forget, as after each divergence, which clients can repeat.
+
+    Args:
+        others: Gets the warnings of threads that work for no server; None logs them too.
     """
-    throttles: dict[str, Throttle] = {}
+    of_scope: WeakKeyDictionary[object, dict[str, Throttle]] = WeakKeyDictionary()
+    of_no_scope: dict[str, Throttle] = {}
 
     def warn(text: str) -> None:
+        scope = current_scope()
+        if scope is None and others is not None:
+            others(text)
+            return
+        throttles = of_no_scope if scope is None else of_scope.setdefault(scope, {})
         # Warnings of one kind differ in their numbers.
         throttle = throttles.setdefault(_DIGIT.split(text, maxsplit=1)[0], Throttle(WARNING_SECONDS))
         if throttle.admit(monotonic()):
@@ -61,28 +103,50 @@ def _throttled_warnings() -> Callable[[str], None]:
 
 def clear_timer_callback() -> bool:
     """Removes the timer of `mjData.timer`, which costs 0.75 µs a step; returns whether it is gone."""
+    timer = _timer_callback()
+    if timer is None:
+        return False
+    timer.value = None
+    return True
+
+
+def _timer_callback() -> ctypes.c_void_p | None:
+    """Returns MuJoCo's variable `mjcb_time`; None where it cannot be found."""
     try:
         # The extension module has loaded libmujoco already, so the symbol is there without opening a file.
         maps = Path("/proc/self/maps").read_text(encoding="utf-8")
         name = next(line.split()[-1] for line in maps.splitlines() if "libmujoco" in line)
-        ctypes.c_void_p.in_dll(ctypes.CDLL(name), "mjcb_time").value = None
+        return ctypes.c_void_p.in_dll(ctypes.CDLL(name), "mjcb_time")
     except (OSError, StopIteration, ValueError):
-        return False
-    return True
+        return None
+
+
+def quick_switching() -> AbstractContextManager[None]:
+    """Lets threads change quickly until the end of the block."""
+    return _QUICK_SWITCHING.held()
+
+
+def _switch_quickly() -> Undo:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    return lambda: sys.setswitchinterval(before)
+
+
+_QUICK_SWITCHING = SharedChange(_switch_quickly)
 
 
 @contextlib.contextmanager
-def quick_switching() -> Iterator[None]:
-    """Lets threads change quickly, and keeps the garbage collector off what was loaded before."""
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(SWITCH_INTERVAL)
+def frozen_garbage() -> Iterator[None]:
+    """Keeps the garbage collector off what was loaded before, until the end of the block.
+
+    For a process that does nothing but serve: objects of others would be kept too.
+    """
     gc.collect()
     gc.freeze()
     try:
         yield
     finally:
         gc.unfreeze()
-        sys.setswitchinterval(before)
 
 
 def prefer_this_thread() -> dict[str, bool]:

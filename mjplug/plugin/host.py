@@ -1,6 +1,5 @@
 """What a plugin may use of the server, under the names that ROS users know. Physics thread only."""
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -15,6 +14,7 @@ from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, Se
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
 from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
+from mjplug.log_scope import logger_of_server
 from mjplug.physics.loop import SECOND, Loop
 from mjplug.physics.scheduler import Slow, Timer
 from mjplug.physics.velocity import VelocityHold
@@ -71,7 +71,7 @@ class Host(WorldView):
     ) -> None:
         super().__init__(loop.simulation, model_file, folders)
         self.name = name
-        self.logger = logging.getLogger(f"{INSTANCES}.{name}")
+        self.logger = logger_of_server(f"{INSTANCES}.{name}")
         self.random = np.random.default_rng([seed, *name.encode()])
         self._stopwatch = stopwatch or Stopwatch()
         self._loop = loop

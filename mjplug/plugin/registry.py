@@ -1,10 +1,10 @@
 """Finds plugin classes by the names configuration files use: entry points, or `module:Class`."""
 
-import importlib
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from mjplug.errors import PluginError, UnknownName
+from mjplug.plugin.folder_modules import import_plugin_module
 from mjplug.plugin.plugin import Plugin
 
 GROUP = "mjplug.plugins"
@@ -32,7 +32,9 @@ def find(type_name: str) -> type[Plugin[Any]]:
         raise UnknownName("plugin type", type_name, points)
     module_name, _, class_name = target.partition(":")
     try:
-        module = importlib.import_module(module_name)
+        module = import_plugin_module(module_name)
+    except PluginError as error:
+        raise PluginError(f"plugin {type_name!r}: {error}") from error
     except Exception as error:
         # Whatever a foreign module does wrong, the user must hear which plugin it is.
         raise PluginError(

@@ -1,8 +1,9 @@
 """From the configuration's plugin entries to classes with validated parameters; all mistakes at once."""
 
-import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
@@ -11,7 +12,11 @@ from mjplug.config.draft import Draft, Loaded
 from mjplug.config.problem import Problem
 from mjplug.errors import PluginError, UnknownName
 from mjplug.plugin import registry
+from mjplug.plugin.folder_modules import importable
 from mjplug.plugin.plugin import Parameters, Plugin
+
+Classes = Mapping[str, type[Plugin[Any]]]
+"""Plugin classes by the `type` under which a configuration refers to them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,21 +29,25 @@ class Selected:
     folders: tuple[Path, ...] = ()
 
 
-def select(draft: Draft) -> tuple[Loaded, list[Selected]]:
+def select(draft: Draft, classes: Classes = MappingProxyType({})) -> tuple[Loaded, list[Selected]]:
     """Checks the plugin entries and returns the finished configuration with what it wants to run, in its order.
 
-    The folder of the configuration file may hold modules for `module:Class` types.
+    The folder of the configuration file may hold modules for `module:Class` types. While such a plugin runs, the folder
+    must be `importable`.
+
+    Args:
+        draft: The configuration.
+        classes: Plugin classes that need not be imported, by the type that the entries give.
 
     Raises:
         ConfigError: Anything is wrong with the configuration, unknown plugin types and wrong parameters included.
     """
-    if str(draft.folder) not in sys.path:
-        sys.path.append(str(draft.folder))
     selected: list[Selected] = []
     problems: list[Problem] = []
     for name, entry in draft.plugins.items():
         try:
-            plugin_class = registry.find(entry.type)
+            with importable(draft.folder):
+                plugin_class = classes.get(entry.type) or registry.find(entry.type)
             parameters = plugin_class.parameters_type.model_validate(entry.parameters)
         except (UnknownName, PluginError) as error:
             problems.append(draft.problem(("plugins", name, "type"), str(error)))

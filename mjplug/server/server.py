@@ -86,7 +86,8 @@ class Server:
         diagnostics.offer(host, self.loop, self.diagnostics, name)
         self.diagnostics.add("plugins", self._times.diagnose)
         # The first to come and the last to go, so that what plugins log in between is in it.
-        self._cleanups.callback(rosout.offer(host, self.loop, name))
+        packages = [selected.plugin_class.__module__.partition(".")[0] for selected in plugins]
+        self._cleanups.callback(rosout.offer(host, self.loop, name, packages))
         try:
             for selected in plugins:
                 self._start(selected)

@@ -3,9 +3,10 @@
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 
 from mjplug.log import INSTANCES, PrintableFormatter, ros_string
+from mjplug.log_scope import ROOT, current_scope, receive
 from mjplug.physics.loop import Loop
 from mjplug.plugin import Host, Publisher, QoS
 from mjplug_schemas.builtin_interfaces import Time
@@ -26,19 +27,24 @@ _UINT32 = (1 << 32) - 1
 _log = logging.getLogger(__name__)
 
 
-def offer(host: Host, loop: Loop, server: str) -> Callable[[], None]:
-    """Publishes every line that is logged from now on, whether somebody listens or not.
+def offer(host: Host, loop: Loop, server: str, packages: Iterable[str] = ()) -> Callable[[], None]:
+    """Publishes every line of this server that is logged from now on, whether somebody listens or not.
+
+    In a `LogScope`, these are the lines of the scope, from loggers of mjplug and of the plugins' packages. Outside of
+    any, they are all lines of the process that belong to no other server.
 
     Args:
         host: The server's own host.
         loop: Lines of other threads get to the physics thread through its inbox.
         server: The server's full name, such as `/robot1/mjplug`.
+        packages: The top-level packages of the plugins.
 
     Returns:
         What ends it, with the lines that still wait; for the physics thread.
     """
     handler = _Handler(host.create_publisher(Log, "/rosout", ROSOUT), loop, server)
-    logging.getLogger().addHandler(handler)
+    # The root logger is the program's: with a handler there, `logging.basicConfig` would do nothing.
+    handler.begin([ROOT] if current_scope() is None else ["mjplug", *packages])
     return handler.end
 
 
@@ -55,6 +61,11 @@ class _Handler(logging.Handler):
         self._dropped = 0
         self._publishing: int | None = None
         self._formatter = PrintableFormatter()
+        self._stop_receiving: Callable[[], None] = _nothing
+
+    def begin(self, loggers: Sequence[str]) -> None:
+        """Takes lines from now on."""
+        self._stop_receiving = receive(self, loggers)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Takes a line, on any thread; `logging` lets one thread in at a time."""
@@ -74,7 +85,7 @@ class _Handler(logging.Handler):
 
     def end(self) -> None:
         """Publishes what waits, and takes no more."""
-        logging.getLogger().removeHandler(self)
+        self._stop_receiving()
         while self._waiting:
             self._publish()
 
@@ -89,7 +100,7 @@ class _Handler(logging.Handler):
             for _ in range(min(AT_ONCE, len(self._waiting))):
                 self._publisher.publish(self._waiting.popleft())
         except Exception:
-            logging.getLogger().removeHandler(self)
+            self._stop_receiving()
             self._waiting.clear()
             _log.exception("the log cannot be published, so /rosout ends here")
         finally:
@@ -116,3 +127,7 @@ class _Handler(logging.Handler):
         if instance == logger and (logger == "mjplug" or logger.startswith("mjplug.")):
             return self._server
         return f"{self._server}.{instance}"
+
+
+def _nothing() -> None:
+    pass

@@ -5,9 +5,9 @@ import time
 from dataclasses import dataclass
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mjplug.errors import WireError
+from mjplug.wire.callbacks import callback
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas import names
 
@@ -105,7 +105,7 @@ def claim(session: zenoh.Session, name: str) -> Claim:
             )
 
     liveliness = session.liveliness()
-    watcher = liveliness.declare_subscriber(_tokens_of(name), Callback(appeared, indirect=False), history=True)
+    watcher = liveliness.declare_subscriber(_tokens_of(name), callback(appeared), history=True)
     return Claim(liveliness.declare_token(f"{TOKENS}{name}/{own}"), watcher)
 
 

@@ -15,9 +15,9 @@ from functools import cache
 from typing import Any, Literal
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mjplug.contracts.transport import QoS, ServiceName, Topic
+from mjplug.wire.callbacks import callback
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.plain import key_of, parameters
 from mjplug_schemas.definition import definition
@@ -121,7 +121,7 @@ class InterfacesQueryable:
         self._listing = listing
         self._key = key_of(f"{listing.name}/interfaces")
         self._news = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
-        self._queryable = session.declare_queryable(self._key, Callback(self._answer, indirect=False))
+        self._queryable = session.declare_queryable(self._key, callback(self._answer))
 
     @property
     def listing(self) -> Listing:

@@ -12,9 +12,9 @@ from typing import Any
 
 import zenoh
 from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publisher
-from zenoh.handlers import Callback
 
 from mjplug.contracts.transport import QoS
+from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import RemoteWriterSpec
 from mjplug.wire.encoding import Form
 
@@ -60,7 +60,7 @@ class LiveWriter:
         )
         self._put = self._publisher.put
         # Tells the present status at once if somebody matches already.
-        self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
+        self._listener = self._publisher.declare_matching_listener(callback(self._changed))
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
@@ -145,7 +145,7 @@ class LatchedWriter:
             if reliable
             else None,
         )
-        self._queryable = session.declare_queryable(key, Callback(self._answer, indirect=False))
+        self._queryable = session.declare_queryable(key, callback(self._answer))
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""

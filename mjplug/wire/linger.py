@@ -13,7 +13,8 @@ import struct
 import sys
 
 import zenoh
-from zenoh.handlers import Callback
+
+from mjplug.wire.callbacks import callback
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +30,7 @@ def watch(session: zenoh.Session) -> None:
     declare = getattr(session.info, "declare_link_events_listener", None)
     if declare is not None and sys.platform.startswith("linux"):
         # A listener with a callback lives as long as its session.
-        declare(Callback(_link_changed, indirect=False), history=True)
+        declare(callback(_link_changed), history=True)
 
 
 def _link_changed(event: zenoh.LinkEvent) -> None:

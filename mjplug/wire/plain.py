@@ -13,9 +13,9 @@ from typing import Any
 from urllib.parse import unquote
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mjplug.contracts.transport import ServiceName, Topic
+from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import KeyWriter, RawRequest
 from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
 from mjplug.wire.key_subscriber import declare_key_subscriber
@@ -61,7 +61,7 @@ class PlainDialect:
         """Declares the two subscribers of a topic."""
         for form in _FORMS:
             only: Form | None = "json" if form == "json" else None
-            handler = Callback(_sample_handler(receive, only), indirect=False)
+            handler = callback(_sample_handler(receive, only))
             key = key_of(topic.name, form)
             self._declared.append(declare_key_subscriber(self._session, key, handler, topic.qos))
 
@@ -77,7 +77,7 @@ class PlainDialect:
                 with query:
                     query.reply_err(f"{key} is a service; query exactly this key to call it".encode(), encoding=TEXT)
 
-        self._declared.append(self._session.declare_queryable(key, Callback(handle, indirect=False), complete=False))
+        self._declared.append(self._session.declare_queryable(key, callback(handle), complete=False))
 
     def refused(self) -> Mapping[str, int]:
         """Returns nothing: a query on a service's key is always read as a request."""

@@ -7,6 +7,7 @@ from queue import SimpleQueue
 
 import zenoh
 
+from mjplug.log_scope import bound
 from mjplug.wire.rejections import Rejections
 
 _LOG = logging.getLogger(__name__)
@@ -28,7 +29,7 @@ class Replies:
         self.lost = Rejections("the answer to a request could not be sent", logging.DEBUG)
         self._queue: SimpleQueue[Send | None] = SimpleQueue()
         # A daemon, so that a process that forgets to close can still end.
-        self._thread = threading.Thread(target=self._run, name="mjplug-replies", daemon=True)
+        self._thread = threading.Thread(target=bound(self._run), name="mjplug-replies", daemon=True)
         self._thread.start()
 
     def post(self, send: Send) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import zenoh
 
 from mjplug.errors import WireError
+from mjplug.log_scope import bound
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +40,7 @@ class RouterWatch:
         self._hosted: zenoh.Session | None = None
         self._told = False
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="router watch", daemon=True)
+        self._thread = threading.Thread(target=bound(self._run), name="router watch", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:

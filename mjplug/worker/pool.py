@@ -11,6 +11,7 @@ import numpy as np
 from mjplug.contracts.transport import Publisher
 from mjplug.contracts.work import WorkerSpec
 from mjplug.errors import PluginError
+from mjplug.log_scope import bound
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
 from mjplug.wire.publisher import WirePublisher
@@ -62,7 +63,7 @@ class ProcessWorkerPool:
         worker = WorkerSupervisor(spec, simulation, inbox, self._model, setup, writers)
         self._workers.append(worker)
         if self._checking is None:
-            self._checking = threading.Thread(target=self._check, name="worker checks", daemon=True)
+            self._checking = threading.Thread(target=bound(self._check), name="worker checks", daemon=True)
             self._checking.start()
         return worker
 
@@ -75,6 +76,8 @@ class ProcessWorkerPool:
         for worker in self._workers:
             worker.end(until, until + _KILL_WAIT)
         self._workers.clear()
+        if self._checking is not None:
+            self._checking.join()
 
     def _check(self) -> None:
         while not self._closing.wait(CHECK_INTERVAL):

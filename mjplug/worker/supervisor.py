@@ -12,6 +12,7 @@ from typing import Any
 
 from mjplug.contracts.work import Job, WorkerSpec, WorkerStatus
 from mjplug.log import INSTANCES
+from mjplug.log_scope import bound, logger_of_server
 from mjplug.physics import snapshot
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
@@ -85,7 +86,7 @@ class WorkerSupervisor:
         self._model = model
         self._setup = setup
         self._writers = writers
-        self._logger = logging.getLogger(f"{INSTANCES}.{spec.name}")
+        self._logger = logger_of_server(f"{INSTANCES}.{spec.name}")
         self._states = SharedStates.create(snapshot.size(simulation.model))
         self._handover = Handover(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
         self.status = WorkerStatus(dropped=self._handover.dropped)
@@ -97,7 +98,7 @@ class WorkerSupervisor:
         self._detector: HangDetector | None = None
         self._hung = ""
         self._ready = False
-        self._thread = threading.Thread(target=self._supervise, name=f"worker {spec.name}", daemon=True)
+        self._thread = threading.Thread(target=bound(self._supervise), name=f"worker {spec.name}", daemon=True)
         self._thread.start()
 
     @property

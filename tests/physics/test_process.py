@@ -5,6 +5,7 @@ import mujoco
 import pytest
 from conftest import ARM
 
+from mjplug.log_scope import LogScope
 from mjplug.physics import process
 from mjplug.physics.simulation import Simulation
 
@@ -30,19 +31,16 @@ def test_where_the_platform_lacks_a_measure_the_server_goes_on_without_it():
 
 
 @pytest.fixture
-def _mujoco_as_before():
-    config = mujoco.MjLogConfig.get()
-    yield
-    mujoco.MjLogConfig.set(config)
-    mujoco.set_mju_user_warning(None)
+def _mujoco_tamed():
+    with process.mujoco_tamed(), LogScope().active():
+        yield
 
 
-@pytest.mark.usefixtures("_mujoco_as_before")
+@pytest.mark.usefixtures("_mujoco_tamed")
 def test_a_warning_of_mujoco_that_repeats_does_not_fill_the_log(monkeypatch, caplog):
     """MuJoCo warns anew after each divergence, and a client can make the world diverge as often as it likes."""
     now = [0.0]
     monkeypatch.setattr(process, "monotonic", lambda: now[0])
-    process.tame_mujoco()
     simulation = Simulation(mujoco.MjModel.from_xml_string(ARM))
 
     def diverge():

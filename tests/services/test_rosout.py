@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from mjplug import log_scope
 from mjplug.config.settings import Settings
 from mjplug.contracts.transport import QoS
 from mjplug.log import INSTANCES
@@ -144,7 +145,7 @@ def test_a_publisher_that_fails_ends_it_with_one_line_elsewhere(world, caplog):
 def test_a_line_that_cannot_be_made_hurts_nobody(world, capsys):
     logging.getLogger("mjplug.odd").handlers.clear()
     record = logging.LogRecord("mjplug.odd", logging.INFO, "f", 1, "%d", ("no number",), None)
-    (handler,) = [h for h in logging.getLogger().handlers if type(h).__module__ == rosout.__name__]
+    (handler,) = [h for h in logging.getLogger().handlers if type(h).__module__ == log_scope.__name__]
     handler.handle(record)
     assert "--- Logging error ---" in capsys.readouterr().err
     logging.getLogger("mjplug").info("fine")

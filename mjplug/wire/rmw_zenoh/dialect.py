@@ -8,9 +8,9 @@ from itertools import count
 from typing import Any
 
 import zenoh
-from zenoh.handlers import Callback
 
 from mjplug.contracts.transport import QoS, ServiceName, Topic
+from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import KeyWriter, RawRequest
 from mjplug.wire.encoding import TEXT, Received
 from mjplug.wire.key_subscriber import declare_key_subscriber
@@ -81,7 +81,7 @@ class RmwZenohDialect:
                 unfit = foreign_definition(str(sample.key_expr), topic.type)
                 receive(Received(sample.payload, None, "cdr", unfit))
 
-        key, handler = self._settings.any_hash_key(topic.name, topic.type), Callback(handle, indirect=False)
+        key, handler = self._settings.any_hash_key(topic.name, topic.type), callback(handle)
         self._declared.append(declare_key_subscriber(self._session, key, handler, topic.qos))
         # Without this token, publishers of Lyrical and later would not put large messages on this key.
         self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
@@ -125,7 +125,7 @@ class RmwZenohDialect:
                 query.reply_err(sentence.encode(), encoding=TEXT)
 
         # Complete, since clients ask only those servers that say so.
-        self._declared.append(self._session.declare_queryable(any_key, Callback(handle, indirect=False), complete=True))
+        self._declared.append(self._session.declare_queryable(any_key, callback(handle), complete=True))
         self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
 
     def refused(self) -> Mapping[str, int]:

@@ -8,8 +8,8 @@ import logging
 from typing import Final
 
 import zenoh
-from zenoh.handlers import Callback
 
+from mjplug.wire.callbacks import callback
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.keys import NO_HASH
 from mjplug.wire.rmw_zenoh.tokens import OPPOSITE, EndpointKind, endpoints_of, read_endpoint
@@ -87,7 +87,7 @@ class Mismatches:
             )
 
         tokens = endpoints_of(self._domain_id, other, name, type_name)
-        handler = Callback(appeared, indirect=False)
+        handler = callback(appeared)
         self._watchers.append(self._liveliness.declare_subscriber(tokens, handler, history=True))
 
     def _way_out(self, type_name: str, theirs: str, ours: str) -> str:

@@ -1,0 +1,194 @@
+"""Which server a log line belongs to, where several servers run in one process.
+
+Each thread of a server runs in the server's `LogScope`: the physics thread, the threads of its worker processes, and
+Zenoh's threads while they run one of its callbacks (`bound`). All lines that are logged there belong to the server.
+Lines of a logger from `logger_of_server` belong to it on any thread.
+
+A server without a scope, as in `mjplug serve`, gets all lines of the process that belong to no other server.
+"""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from itertools import count
+from typing import Any, ParamSpec, TypeVar
+
+from mjplug.shared_change import SharedChange, Undo
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+ROOT = ""
+"""The name of the root logger, for `receive`."""
+
+_MARK = "mjplug_scope"
+"""The attribute of a record that has the number of its scope. It is a number since handlers pickle records."""
+
+_numbers = count(1)
+
+_changing = threading.Lock()
+"""Held while the receivers of lines change; never while a line is handed over."""
+
+
+class LogScope:
+    """The log lines of one server.
+
+    Attributes:
+        number: Distinguishes the scopes of a process.
+    """
+
+    def __init__(self) -> None:
+        self.number = next(_numbers)
+
+    @contextmanager
+    def active(self) -> Iterator[None]:
+        """Makes what this thread logs until the end of the block belong to the scope."""
+        token = _current.set(self)
+        try:
+            yield
+        finally:
+            _current.reset(token)
+
+
+_current: ContextVar[LogScope | None] = ContextVar("mjplug_log_scope", default=None)
+
+
+def current_scope() -> LogScope | None:
+    """Returns the scope of the server that the calling thread works for; None outside of any."""
+    return _current.get()
+
+
+def bound(function: Callable[P, R]) -> Callable[P, R]:
+    """Returns a function that runs in the scope that is current now, on whichever thread it is called."""
+    scope = _current.get()
+    if scope is None:
+        return function
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        # Zenoh also calls back on the thread that publishes, which may be another server's.
+        token = _current.set(scope)
+        try:
+            return function(*args, **kwargs)
+        finally:
+            _current.reset(token)
+
+    return call
+
+
+def logger_of_server(name: str) -> logging.Logger:
+    """Returns a logger whose lines belong to the current scope, on any thread; outside of a scope, the usual one.
+
+    Its level and its handlers are those of `logging.getLogger(name)`.
+    """
+    scope = _current.get()
+    return logging.getLogger(name) if scope is None else _ServerLogger(name, scope)
+
+
+def receive(handler: logging.Handler, loggers: Sequence[str]) -> Undo:
+    """Gives a handler the lines of the current scope; outside of a scope, those that belong to no scope.
+
+    Args:
+        handler: Gets each line, on the thread that logs it.
+        loggers: Names of the loggers to listen to, with all below them; none may be below another one.
+
+    Returns:
+        What ends it; it may be called twice.
+    """
+    scope = _current.get()
+    number = None if scope is None else scope.number
+    listening = [_Dispatcher.of(name) for name in dict.fromkeys(loggers)]
+    for dispatcher in listening:
+        dispatcher.add(number, handler)
+
+    def end() -> None:
+        while listening:
+            listening.pop().remove(handler)
+
+    return end
+
+
+class _ServerLogger(logging.Logger):
+    """A logger that marks its records with a scope. It is not in `logging`'s table, so each server has its own."""
+
+    def __init__(self, name: str, scope: LogScope) -> None:
+        super().__init__(name)
+        self._scope = scope
+        self.parent = logging.getLogger(name)
+
+    # The name and its arguments are the base class's.
+    def makeRecord(self, *args: Any, **kwargs: Any) -> logging.LogRecord:  # noqa: N802
+        """Returns a record of this scope."""
+        record = super().makeRecord(*args, **kwargs)
+        setattr(record, _MARK, self._scope.number)
+        return record
+
+    def isEnabledFor(self, level: int) -> bool:  # noqa: N802
+        """Returns whether the level is enabled; without the cache, which `logging` empties for loggers it knows."""
+        return self.manager.disable < level and level >= self.getEffectiveLevel()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return logging.getLogger, (self.name,)
+
+
+class _Dispatcher(logging.Handler):
+    """Stands at one logger for all servers, and hands each line to the server that it belongs to."""
+
+    _known: dict[str, "_Dispatcher"] = {}  # noqa: RUF012
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self._logger = logging.getLogger(name)
+        self._handlers: list[tuple[int | None, logging.Handler]] = []
+        self._place = SharedChange(self._attach)
+
+    @classmethod
+    def of(cls, name: str) -> "_Dispatcher":
+        """Returns the one of a logger."""
+        with _changing:
+            return cls._known.setdefault(name, cls(name))
+
+    def add(self, scope: int | None, handler: logging.Handler) -> None:
+        """Hands the lines of a scope to a handler."""
+        with _changing:
+            self._handlers = [*self._handlers, (scope, handler)]
+        self._place.hold()
+
+    def remove(self, handler: logging.Handler) -> None:
+        """Ends that."""
+        with _changing:
+            self._handlers = [pair for pair in self._handlers if pair[1] is not handler]
+        self._place.release()
+
+    def createLock(self) -> None:  # noqa: N802
+        """Makes none: one server must not wait for the log of another one. Each handler has its own."""
+        self.lock = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hands a line over."""
+        scope = getattr(record, _MARK, None)
+        if scope is None and (current := _current.get()) is not None:
+            scope = current.number
+        for number, handler in self._handlers:
+            if number == scope:
+                handler.handle(record)
+        # Python prints warnings on standard error if a program has set up no handlers, but it counts this one.
+        last = logging.lastResort
+        if last is not None and record.levelno >= last.level and self._is_alone(record):
+            last.handle(record)
+
+    def _attach(self) -> Undo:
+        self._logger.addHandler(self)
+        return lambda: self._logger.removeHandler(self)
+
+    def _is_alone(self, record: logging.LogRecord) -> bool:
+        """Returns whether a record meets no handler but dispatchers, of which this one is the first."""
+        logger: logging.Logger | None = logging.getLogger(record.name)
+        met: list[logging.Handler] = []
+        while logger is not None:
+            met += logger.handlers
+            logger = logger.parent if logger.propagate else None
+        return met[:1] == [self] and all(isinstance(handler, _Dispatcher) for handler in met)
