@@ -82,7 +82,8 @@ def serve(
         from mjplug.cli.exit_codes import exit_code
         from mjplug.config.load import Option, read
         from mjplug.lifecycle import serve as lifecycle
-        from mjplug.server import opening
+        from mjplug.server.prepared import check as check_start
+        from mjplug.server.prepared import prepare
 
     if duration is not None and not duration <= LONGEST_TIME:
         raise typer.BadParameter(f"it must be at most {LONGEST_TIME} s, not {duration:g}", param_hint="--duration")
@@ -97,14 +98,14 @@ def serve(
     with logging_to_stderr(-1 if quiet else verbose):
         draft = read(config, model=model, sets=sets)
         if check:
-            world = opening.prepare(draft)
-            opening.check(world)
-            say(f"ok · {world.summary}")
+            prepared = prepare(draft)
+            check_start(prepared)
+            say(f"ok · {prepared.summary}")
             return
         watchdog = StopWatchdog()
         watchdog.start()
         try:
-            lifecycle.serve(opening.prepare(draft), duration, watchdog, ready_file, typer.echo)
+            lifecycle.serve(prepare(draft), duration, watchdog, ready_file, typer.echo)
             ending.code = 0
         except MjplugError as error:
             ending.code = exit_code(error)

@@ -54,6 +54,17 @@ def connect(
         NoServerError: Nobody is there, or nobody who lets us in.
         UnknownNameError: There are servers, but none of this name.
     """
+    return open_client(endpoint, server, timeout, config)
+
+
+def open_client(
+    endpoint: str | None,
+    server: str,
+    timeout: float,
+    config: str | os.PathLike[str] | None,
+    kind: type[Client] = Client,
+) -> Client:
+    """Connects as `connect` does, with a client of some class."""
     server = f"/{server.removeprefix('/')}" if server else ""
     until = time.monotonic() + bounded(timeout)
     settings = _read(config)
@@ -64,7 +75,7 @@ def connect(
     session = _open(settings, chosen, until, None if config is None else Path(config))
     try:
         _wait_for_server(session, chosen, server, until)
-        return Client(session, chosen, server)
+        return kind(session, chosen, server)
     except BaseException:
         # An open session would keep the process from ending.
         session.close()  # type: ignore[no-untyped-call]
@@ -110,7 +121,7 @@ def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, until: 
     )
 
 
-def _read(file: str | Path | None) -> zenoh.Config:
+def _read(file: str | os.PathLike[str] | None) -> zenoh.Config:
     try:
         return read_zenoh_file(file)
     except zenoh.ZError as error:

@@ -9,14 +9,15 @@ from mjplug.config import overrides
 from mjplug.config.document import Document, Place, read_document
 from mjplug.config.draft import Draft, Loaded
 from mjplug.config.explain import show
+from mjplug.config.mapping import mapping_document
 from mjplug.config.origins import Origins
-from mjplug.config.overrides import Option
+from mjplug.config.overrides import Option, Setting
 from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.ros_params import is_ros_file, node_names, own_form
 from mjplug.config.settings import Settings
 from mjplug.config.tree import Tree
 
-__all__ = ["Draft", "Loaded", "Option", "is_model", "load", "read"]
+__all__ = ["Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
 
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
@@ -24,10 +25,10 @@ _MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
 
 
 def load(
-    path: str | Path | None,
+    path: str | Path | Mapping[str, object] | None,
     *,
     model: str | None = None,
-    sets: Sequence[str | Option] = (),
+    sets: Sequence[str | Option | Setting] = (),
     environ: Mapping[str, str] = os.environ,
 ) -> Loaded:
     """Loads a configuration; nobody checks plugin parameters, as somebody may between `read` and `Draft.finish`.
@@ -45,19 +46,20 @@ def load(
 
 
 def read(
-    path: str | Path | None,
+    path: str | Path | Mapping[str, object] | None,
     *,
     model: str | None = None,
-    sets: Sequence[str | Option] = (),
+    sets: Sequence[str | Option | Setting] = (),
     environ: Mapping[str, str] = os.environ,
 ) -> Draft:
     """Reads a configuration.
 
     Args:
-        path: A file of our own form, a ROS parameter file, or a model; None for nothing but options.
+        path: A file of our own form, a ROS parameter file, or a model; what such a file contains, as a mapping, whose
+            relative paths count from the current folder; None for nothing but options.
         model: The model, in place of the one in the file (`--model`).
-        sets: Values such as `sim.speed=2` (`--set`), or options that stand for such; they win over the environment,
-            and that over the file.
+        sets: Values such as `sim.speed=2` (`--set`), options that stand for such, or settings with a value; they win
+            over the environment, and that over the file.
         environ: Environment variables; those such as `MJPLUG_SIM__SPEED` count.
 
     Raises:
@@ -85,7 +87,7 @@ class _Options:
     """What does not come from files."""
 
     model: str | None
-    sets: Sequence[str | Option]
+    sets: Sequence[str | Option | Setting]
     environ: Mapping[str, str]
 
 
@@ -103,10 +105,10 @@ class _Main:
     ros: Document | None = None
 
 
-def _main(path: str | Path | None, model: str | None) -> _Main:
+def _main(path: str | Path | Mapping[str, object] | None, model: str | None) -> _Main:
     if path is None:
         return _Main(Source("command line"), Path.cwd(), "give a configuration file, or --model FILE")
-    if is_model(path):
+    if not isinstance(path, Mapping) and is_model(path):
         if model is not None:
             message = f"is a model, and --model {model} is another one; give one of them"
             raise ConfigError([Problem(message, Mark(Source(str(path))))])
@@ -114,9 +116,12 @@ def _main(path: str | Path | None, model: str | None) -> _Main:
         place = Place(Mark(source), Mark(source))
         folder = Path.cwd() if str(path).startswith(_MODEL_SCHEMES) else Path(path).absolute().parent
         return _Main(source, folder, "", Document(source, {"model": str(path)}, {(): place, ("model",): place}))
-    file = Path(os.path.expanduser(path))
-    document = read_document(file)
-    source, folder = document.source, file.absolute().parent
+    if isinstance(path, Mapping):
+        document, folder = mapping_document(path), Path.cwd()
+    else:
+        file = Path(os.path.expanduser(path))
+        document, folder = read_document(file), file.absolute().parent
+    source = document.source
     whole = Mark(source)
     if document.value is None:
         raise ConfigError([*document.problems, Problem("the file is empty; the least is `model: FILE`", whole)])

@@ -6,6 +6,7 @@ from typing import cast
 
 from mjplug.config.document import Place, parse_document, unquoted
 from mjplug.config.explain import dotted, show
+from mjplug.config.mapping import plain_value
 from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.settings import Section, Settings
 from mjplug.config.tree import NotASectionError, Tree
@@ -31,6 +32,21 @@ class Option:
 
     typed: str
     meant: str
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """A value that a Python program gives.
+
+    Attributes:
+        given: The argument, as errors show it: `speed='fast'`.
+        name: The setting: `sim.speed`.
+        value: The value.
+    """
+
+    given: str
+    name: str
+    value: object
 
 
 def put_model(tree: Tree, model: str) -> None:
@@ -63,7 +79,7 @@ def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
     return problems
 
 
-def put_sets(tree: Tree, sets: Sequence[str | Option]) -> list[Problem]:
+def put_sets(tree: Tree, sets: Sequence[str | Option | Setting]) -> list[Problem]:
     """Puts in `sim.speed=2` and its like, as `--set` takes them, and what other options mean; later ones win.
 
     Returns:
@@ -71,6 +87,9 @@ def put_sets(tree: Tree, sets: Sequence[str | Option]) -> list[Problem]:
     """
     problems: list[Problem] = []
     for given in sets:
+        if isinstance(given, Setting):
+            problems += _put_setting(tree, given)
+            continue
         option = Option(f"--set {given}", given) if isinstance(given, str) else given
         source = Source(option.typed)
         name, equals, text = option.meant.partition("=")
@@ -82,17 +101,28 @@ def put_sets(tree: Tree, sets: Sequence[str | Option]) -> list[Problem]:
     return problems
 
 
-def _put_text(tree: Tree, path: Sequence[str], text: str, source: Source) -> list[Problem]:
+def _put_setting(tree: Tree, setting: Setting) -> list[Problem]:
+    source, path = Source(setting.given), setting.name.split(".")
+    if not all(path):
+        return [Problem(f"{setting.name!r} is no name of a setting, such as sim.speed", Mark(source))]
     try:
-        return _put(tree, path, _read(text, source), source, text)
+        return _put(tree, path, plain_value(setting.value, source), source)
     except ConfigError as error:
         return list(error.problems)
 
 
-def _put(tree: Tree, path: Sequence[str], value: object, source: Source, text: str) -> list[Problem]:
+def _put_text(tree: Tree, path: Sequence[str], text: str, source: Source) -> list[Problem]:
+    try:
+        plain = None if text.startswith(("'", '"')) else text
+        return _put(tree, path, _read(text, source), source, plain)
+    except ConfigError as error:
+        return list(error.problems)
+
+
+def _put(tree: Tree, path: Sequence[str], value: object, source: Source, plain: str | None = None) -> list[Problem]:
     mark = Mark(source)
     try:
-        tree.put(path, value, Place(mark, mark, None if text.startswith(("'", '"')) else text))
+        tree.put(path, value, Place(mark, mark, plain))
     except NotASectionError as error:
         return [Problem(f"{dotted(error.path)} is {show(error.value)}, it has no {path[len(error.path)]!r}", mark)]
     return []

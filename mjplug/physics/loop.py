@@ -83,6 +83,11 @@ class Loop:
         self._idle_at = 0.0
         self._second_at = 0.0
 
+    @property
+    def stopping(self) -> bool:
+        """Whether `run` ends, or has ended."""
+        return self._stopping
+
     def serve(self, request: R, handler: Callable[[Message, R], Message | Slow], owner: object = None) -> None:
         """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over.
 

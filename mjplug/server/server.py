@@ -104,16 +104,22 @@ class Server:
         loop = self.loop
         if duration is not None:
             loop.last_step = loop.simulation.time.steps_covering(round(duration * 1e9))
-        with self._cleanups, process.quick_switching():
-            process.prefer_this_thread()
-            try:
+        try:
+            with process.quick_switching():
+                process.prefer_this_thread()
                 loop.run()
-            finally:
-                for callback in self.on_stopping:
-                    callback()
-                loop.scheduler.cancel("cancelled: the server is stopping")
+        finally:
+            self.end()
         if loop.failure is not None:
             raise loop.failure
+
+    def end(self) -> None:
+        """Cancels the requests that wait, and takes the plugins down; a second call does nothing."""
+        callbacks, self.on_stopping = self.on_stopping, []
+        with self._cleanups:
+            for callback in callbacks:
+                callback()
+            self.loop.scheduler.cancel("cancelled: the server is stopping")
 
     def cleanup(self) -> None:
         """Takes the plugins down without having run."""

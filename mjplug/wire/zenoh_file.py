@@ -4,6 +4,7 @@ File names count from the file, shared memory is off unless the file sets it, an
 """
 
 import json
+import os
 import re
 from base64 import b64decode
 from pathlib import Path
@@ -36,7 +37,7 @@ _FILE_NAMES = (
 """The settings of Zenoh that name a file."""
 
 
-def read_zenoh_file(path: str | Path | None) -> zenoh.Config:
+def read_zenoh_file(path: str | os.PathLike[str] | None) -> zenoh.Config:
     """Returns the configuration of a file (JSON5, JSON or YAML), or Zenoh's defaults without one.
 
     Zenoh looks for the files that it names in the folder where the program was started. Here, the folder of the
@@ -49,7 +50,7 @@ def read_zenoh_file(path: str | Path | None) -> zenoh.Config:
         config = zenoh.Config()
         config.insert_json5(SHARED_MEMORY, "false")
         return config
-    config = zenoh.Config.from_file(path)
+    config = zenoh.Config.from_file(os.fspath(path))
     folder = Path(path).resolve().parent
     for key in _FILE_NAMES:
         name = setting(config, key)

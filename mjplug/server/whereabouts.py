@@ -19,19 +19,19 @@ from mjplug.worker.supervisor import WorkerSupervisor
 _STANDARD_LIBRARY = sysconfig.get_paths()["stdlib"]
 
 
-def whereabouts(plugins: Mapping[str, Plugin[Any]]) -> str:
-    """Returns what the main thread is doing: the part of the server, and the place in its source.
+def whereabouts(plugins: Mapping[str, Plugin[Any]], thread: threading.Thread | None = None) -> str:
+    """Returns what the physics thread is doing: the part of the server, and the place in its source.
 
     Args:
         plugins: The plugin instances by name.
+        thread: The physics thread; None is the main thread.
     """
-    ident = threading.main_thread().ident
-    frames = list(_frames(ident))
+    frames = list(_frames((thread or threading.main_thread()).ident))
     if frames and frames[-1].f_code.co_name == "_shutdown":
         # The program has ended, and Python waits for threads.
-        for thread in threading.enumerate():
-            if not thread.daemon and thread is not threading.main_thread():
-                return f"the thread {thread.name!r}{_place(list(_frames(thread.ident)))}"
+        for other in threading.enumerate():
+            if not other.daemon and other is not threading.main_thread():
+                return f"the thread {other.name!r}{_place(list(_frames(other.ident)))}"
     return f"{_part(frames, plugins)}{_place(frames)}"
 
 

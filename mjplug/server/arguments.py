@@ -1,0 +1,87 @@
+"""The arguments of `mjplug.open_server` as settings."""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from mjplug.config.load import Draft, Setting, read
+from mjplug.config.problem import ConfigError, Mark, Problem, Source
+from mjplug.plugin.plugin import Plugin
+from mjplug.plugin.selection import Classes
+
+ConfigSource = str | os.PathLike[str] | Mapping[str, Any]
+"""A configuration file, a ROS parameter file, a model, or what a configuration file contains as a mapping."""
+
+PluginEntries = Mapping[str, str | type[Plugin[Any]] | Mapping[str, Any]]
+"""Plugin instances by name: the type, or the type and the parameters as in a configuration file."""
+
+ANY_PORT = "tcp/127.0.0.1:0"
+
+_NETWORK = ("mode", "listen", "connect", "config")
+
+
+def draft_of(
+    config: ConfigSource,
+    *,
+    model: str | os.PathLike[str] | None,
+    plugins: PluginEntries | Iterable[str],
+    paused: bool | None,
+    speed: float | Literal["max"] | None,
+    keyframe: str | int | None,
+    listen: str | Sequence[str] | None,
+    connect: str | Sequence[str] | None,
+    zenoh_config: str | os.PathLike[str] | None,
+    settings: Mapping[str, object],
+) -> tuple[Draft, Classes]:
+    """Returns the configuration that the arguments of `open_server` describe, and the plugin classes among them.
+
+    Where neither the configuration nor an argument says how to get onto a network, the server listens on a free port of
+    127.0.0.1.
+
+    Raises:
+        ConfigError: The configuration cannot be read.
+    """
+    classes: dict[str, type[Plugin[Any]]] = {}
+    given = [*_plugin_settings(plugins, classes)]
+    given += [Setting(f"settings[{name!r}]={value!r}", name, value) for name, value in settings.items()]
+    named = {
+        "sim.paused": ("paused", paused),
+        "sim.speed": ("speed", speed),
+        "sim.keyframe": ("keyframe", keyframe),
+        "zenoh.listen": ("listen", [listen] if isinstance(listen, str) else listen),
+        "zenoh.connect": ("connect", [connect] if isinstance(connect, str) else connect),
+        # Absolute, since a name in the configuration counts from the folder of its file.
+        "zenoh.config": ("zenoh_config", None if zenoh_config is None else str(Path(zenoh_config).absolute())),
+    }
+    given += [
+        Setting(f"{argument}={value!r}", name, value) for name, (argument, value) in named.items() if value is not None
+    ]
+    path: str | Path | Mapping[str, Any] = config if isinstance(config, str | Mapping) else Path(config)
+    uri = None if model is None else os.fspath(model)
+    draft = read(path, model=uri, sets=given)
+    if all(draft.origin(("zenoh", part)) is None for part in _NETWORK):
+        draft = read(path, model=uri, sets=[*given, Setting("default", "zenoh.listen", [ANY_PORT])])
+    return draft, classes
+
+
+def _plugin_settings(
+    plugins: PluginEntries | Iterable[str], classes: dict[str, type[Plugin[Any]]]
+) -> Iterable[Setting]:
+    """Yields the settings that add plugins; a class gets a name in `classes` that stands for it."""
+    if isinstance(plugins, str):
+        plugins = [plugins]
+    if not isinstance(plugins, Mapping):
+        # An instance is named after its type, as with `--plugin`.
+        plugins = {kind.replace(":", "/").rpartition("/")[2]: kind for kind in plugins}
+    for name, entry in plugins.items():
+        if "." in name:
+            source = Source(f"plugins={{{name!r}: ...}}")
+            raise ConfigError([Problem("a plugin instance's name consists of letters, digits and _", Mark(source))])
+        parameters = dict(entry) if isinstance(entry, Mapping) else {"type": entry}
+        kind = parameters.get("type")
+        if isinstance(kind, type):
+            name_of_type = f"{kind.__module__}:{kind.__qualname__}"
+            classes[name_of_type] = kind
+            parameters["type"] = name_of_type
+        yield Setting(f"plugins={{{name!r}: {entry!r}}}", f"plugins.{name}", parameters)

@@ -1,0 +1,170 @@
+"""One server with everything that belongs to it: network, services, plugins and worker processes.
+
+Whoever opens it is its physics thread: `mjplug serve` in its main thread, and `mjplug.open_server` in a thread of its
+own or in the caller's.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from time import monotonic, perf_counter
+
+from mjplug.errors import RequestError
+from mjplug.server.local_calls import LocalCalls
+from mjplug.server.prepared import Prepared
+from mjplug.server.readiness import wait_until_ready
+from mjplug.server.rehearsal import rehearse
+from mjplug.server.server import Server
+from mjplug.wire.diagnostics import WireDiagnostics
+from mjplug.wire.encoding import Limits
+from mjplug.wire.network import Network, open_network
+from mjplug.wire.rmw_zenoh.keys import RosSettings
+from mjplug.wire.secured import secured
+from mjplug.wire.session import SessionSettings
+from mjplug.wire.topic_rates import TopicRates
+from mjplug.worker.pool import ProcessWorkerPool
+from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
+
+_log = logging.getLogger(__name__)
+
+
+class OpenedServer:
+    """A server on the network. The thread that opens it is its physics thread, and makes all calls but `interrupt`.
+
+    Attributes:
+        prepared: Its configuration, model and plugins.
+        server: The loop, the services and the plugins.
+        network: Its transport.
+
+    Args:
+        prepared: As above; closed with the server, also when it cannot be opened.
+
+    Raises:
+        WireError: It cannot get onto the network.
+        PluginError: A plugin refused to start.
+    """
+
+    def __init__(self, prepared: Prepared) -> None:
+        self.prepared = prepared
+        with ExitStack() as closing:
+            closing.callback(prepared.close)
+            settings, simulation, model = prepared.loaded.settings, prepared.simulation, prepared.model
+            zenoh, ros2 = settings.zenoh, None
+            if settings.ros2.enabled:
+                ros2 = RosSettings(settings.ros2.domain_id, settings.ros2.distro)
+            wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, prepared.loaded.path(("zenoh", "config")))
+            wanted = secured(
+                wanted,
+                lambda: rehearse(prepared.loaded, simulation.model, prepared.plugins, model.path, prepared.name, ros2),
+            )
+            limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
+            self.network: Network = open_network(wanted, prepared.name, limits, ros2=ros2)
+            self._reason = "the server could not start"
+            closing.callback(lambda: self.network.close(self._reason))
+            workers = ProcessWorkerPool(wanted, self.network.session.endpoints)
+            closing.callback(workers.close)
+            self._calls = LocalCalls(self.network)
+            self.server = Server(settings, simulation, self._calls, prepared.plugins, workers, model.path)
+            closing.callback(self.server.end)
+            rates = TopicRates(self.network, perf_counter())
+            self.server.loop.on_second.insert(0, rates.look)
+            self.server.diagnostics.add("wire", WireDiagnostics(self.network).diagnose)
+            self.server.diagnostics.add("topics", rates.diagnose)
+            self._reason = "the server is stopping"
+            self._closing = closing.pop_all()
+
+    @property
+    def endpoint(self) -> str:
+        """Where clients connect."""
+        return self.network.session.endpoint
+
+    def wait_until_ready(self) -> bool:
+        """Serves requests until the server has answered one of its own.
+
+        Returns:
+            Whether it has; False if it was interrupted.
+
+        Raises:
+            WireError: There was no answer in time.
+        """
+        return wait_until_ready(self.server.loop, self.network)
+
+    def run(self, duration: float | None = None) -> None:
+        """Runs physics, paced by the wall clock, until it is stopped, or until `duration` has been simulated [s].
+
+        Raises:
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        self.server.run(duration)
+        simulation = self.prepared.simulation
+        _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
+
+    def step(self, steps: int) -> None:
+        """Takes physics steps as a request to `step_simulation` does: at full speed, from pause.
+
+        Args:
+            steps: How many; with 0, only the requests and messages that wait are handled.
+
+        Raises:
+            RequestError: The steps could not be taken; the sentence says why, and how many were.
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        loop = self.server.loop
+        if steps == 0:
+            loop.step(0)
+        else:
+            call = self._calls.send(StepSimulation, StepSimulation.Request(steps=steps))
+            self.serve_until(lambda: call.answered)
+            if call.refusal is not None and loop.failure is None:
+                raise RequestError(call.refusal)
+        if loop.failure is not None:
+            raise loop.failure
+
+    def serve_for(self, seconds: float | None) -> bool:
+        """Handles requests, and takes the steps that clients ask for.
+
+        Args:
+            seconds: For how long [s of wall time]; None is until the server is stopped.
+
+        Returns:
+            Whether the server was stopped.
+
+        Raises:
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        loop = self.server.loop
+        until = None if seconds is None else monotonic() + seconds
+        # Wakes the loop, which may wait for a request.
+        alarm = threading.Timer(seconds or 0.0, loop.inbox.post, (_nothing,))
+        alarm.daemon = True
+        if until is not None:
+            alarm.start()
+        self.serve_until(lambda: until is not None and monotonic() >= until)
+        alarm.cancel()
+        if loop.failure is not None:
+            raise loop.failure
+        return loop.stopping
+
+    def serve_until(self, ended: Callable[[], bool]) -> None:
+        """Handles requests, and takes the steps that clients ask for, until the server is stopped or `ended` says so.
+
+        Args:
+            ended: Asked between steps, and after each call that another thread has posted to the loop.
+        """
+        loop = self.server.loop
+        while not (ended() or loop.stopping):
+            loop.turn()
+
+    def interrupt(self) -> None:
+        """Stops `run` and the like at the next step. Any thread."""
+        loop = self.server.loop
+        loop.inbox.interrupt(loop.stop)
+
+    def close(self) -> None:
+        """Cancels requests, cleans plugins up, ends worker processes, leaves the network; may be called twice."""
+        self._closing.close()
+
+
+def _nothing() -> None:
+    pass

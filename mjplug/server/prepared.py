@@ -1,0 +1,120 @@
+"""From a configuration to a model in its starting state, and plugins with their parameters: all before the network."""
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from mjplug.config.draft import Draft, Loaded
+from mjplug.config.problem import ConfigError
+from mjplug.errors import UnknownName
+from mjplug.model.file import LoadedModel, load_model
+from mjplug.physics import process
+from mjplug.physics.simulation import Simulation
+from mjplug.plugin.folder_modules import importable
+from mjplug.plugin.selection import Classes, Selected, select
+from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
+from mjplug.server.server import Server
+from mjplug.server.starting_pose import take_starting_pose
+
+PROGRESS_AFTER = 2.0
+"""After this time, the log says that the model is still being compiled [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a server is opened with. It holds changes to the process until `close`.
+
+    Attributes:
+        loaded: The configuration.
+        plugins: The plugins to run, in the order of their updates.
+        model: The model and its file.
+        simulation: The model and its state, at the start.
+        changes: Takes back the changes to the process.
+    """
+
+    loaded: Loaded
+    plugins: list[Selected]
+    model: LoadedModel
+    simulation: Simulation
+    changes: ExitStack
+
+    @property
+    def name(self) -> str:
+        """The server's full name, such as `/robot1/mjplug`."""
+        return f"{self.loaded.settings.namespace}/{self.loaded.settings.node_name}"
+
+    @property
+    def summary(self) -> str:
+        """Model and plugins, in one line."""
+        names = ", ".join(plugin.name for plugin in self.plugins) or "none"
+        return f"model {self.model.name} ({_size(self.simulation)}) · plugins: {names}"
+
+    def close(self) -> None:
+        """Takes back the changes to the process: import folders and MuJoCo's handlers. A second call does nothing."""
+        self.changes.close()
+
+
+def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
+    """Validates a configuration, loads the model and takes the starting pose.
+
+    Args:
+        draft: The configuration.
+        classes: Plugin classes that need not be imported, by the type that the configuration refers to them with.
+
+    Raises:
+        ConfigError: The configuration is wrong.
+        ModelError: The model cannot be loaded.
+    """
+    with ExitStack() as changes:
+        changes.enter_context(importable(draft.folder))
+        loaded, plugins = select(draft, classes)
+        settings = loaded.settings
+        for warning in loaded.warnings:
+            # A problem has several lines, and has escaped what it quotes.
+            _log.warning("%s", warning, extra={"printable": True})
+        changes.enter_context(process.mujoco_tamed())
+        with _progress(f"compiling {settings.model}"):
+            model = load_model(settings.model, *loaded.folders(("model",)))
+        try:
+            simulation = Simulation(model.model, settings.sim.keyframe)
+        except UnknownName as error:
+            raise ConfigError([loaded.problem(("sim", "keyframe"), str(error))]) from error
+        take_starting_pose(simulation, loaded)
+        if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
+            _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
+        return Prepared(loaded, plugins, model, simulation, changes.pop_all())
+
+
+def check(prepared: Prepared) -> None:
+    """Starts the plugins without a network, and cleans them up.
+
+    Raises:
+        PluginError: A plugin refused to start.
+    """
+    settings, model_file = prepared.loaded.settings, prepared.model.path
+    server = Server(
+        settings, prepared.simulation, OfflineTransport(), prepared.plugins, OfflineWorkerPool(), model_file
+    )
+    server.cleanup()
+
+
+def _size(simulation: Simulation) -> str:
+    model = simulation.model
+    bodies = "1 body" if model.nbody == 2 else f"{model.nbody - 1} bodies"
+    return f"{bodies}, {model.nv} DOFs, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[None]:
+    """Logs after a while that something is still going on."""
+    timer = threading.Timer(PROGRESS_AFTER, _log.info, (f"{what} ...",))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

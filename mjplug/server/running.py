@@ -1,0 +1,374 @@
+"""A server inside a Python program: on a thread of its own, or stepped by its caller."""
+
+import atexit
+import os
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import closing
+from types import MappingProxyType, TracebackType
+from typing import Any, Literal, TypeVar
+
+import mujoco
+
+from mjplug.client import Client
+from mjplug.client.connection import open_client
+from mjplug.errors import MjplugError
+from mjplug.log_scope import LogScope
+from mjplug.server.arguments import ConfigSource, PluginEntries, draft_of
+from mjplug.server.opened import OpenedServer
+from mjplug.server.prepared import Prepared, prepare
+from mjplug.server.whereabouts import whereabouts
+
+STOP_TIMEOUT = 10.0
+"""How long `RunningServer.stop` waits for the physics thread [s]."""
+
+T = TypeVar("T")
+
+
+def open_server(
+    config: ConfigSource,
+    *,
+    model: str | os.PathLike[str] | None = None,
+    plugins: PluginEntries | Iterable[str] = (),
+    paused: bool | None = None,
+    speed: float | Literal["max"] | None = None,
+    keyframe: str | int | None = None,
+    listen: str | Sequence[str] | None = None,
+    connect: str | Sequence[str] | None = None,
+    zenoh_config: str | os.PathLike[str] | None = None,
+    settings: Mapping[str, object] = MappingProxyType({}),
+    duration: float | None = None,
+    run: bool = True,
+) -> "RunningServer":
+    """Opens a server in this process, as `mjplug serve` does in a process of its own.
+
+    The arguments have the names and meanings of the command's options. They outrank environment variables such as
+    `MJPLUG_SIM__SPEED`, which outrank the configuration.
+
+    Unless `listen`, `connect`, `zenoh_config` or the configuration says otherwise, the server listens on a free port of
+    127.0.0.1, so that any number of servers can be open at the same time. `mjplug serve` listens on port 7447 instead.
+
+    Args:
+        config: A configuration file, a ROS parameter file (with `model`), a model (`scene.xml`, `bundled:box`), or what
+            a configuration file contains as a mapping. Relative paths in a mapping count from the current folder.
+        model: The model, in place of the one in the configuration.
+        plugins: Plugins to add: their types, as `--plugin`; or by instance name the type, the class, or a mapping with
+            `type` and parameters as in a configuration file.
+        paused: Whether to start paused.
+        speed: Real-time factor from 0.001 to 1000, or `"max"`.
+        keyframe: Name or index of the model's keyframe to start from.
+        listen: Zenoh endpoint or endpoints to listen on; port 0 is any free one.
+        connect: Zenoh endpoint or endpoints to connect to.
+        zenoh_config: A Zenoh configuration file: certificates, roles, passwords and so on.
+        settings: Any other settings by their dotted names, as `--set`: `{"sim.clock_rate": 50.0}`.
+        duration: Simulated time after which the server stops by itself [s]; only with `run`.
+        run: Whether physics runs in a thread of its own. If not, the server is paused, and only the calling thread
+            takes steps, with `RunningServer.step`.
+
+    Returns:
+        The server, which answers requests. Use it in a `with` statement, or call its `stop`.
+
+    Raises:
+        ConfigError: The configuration is wrong; the text contains every problem.
+        ModelError: The model cannot be loaded.
+        PluginError: A plugin refused to start.
+        WireError: The server cannot get onto the network.
+    """
+    if not run and duration is not None:
+        raise MjplugError("duration needs run=True; with run=False, call step")
+    if not run and paused is False:
+        raise MjplugError("paused=False needs run=True; with run=False, only step takes steps")
+    scope = LogScope()
+    with scope.active():
+        draft, classes = draft_of(
+            config,
+            model=model,
+            plugins=plugins,
+            paused=paused if run else True,
+            speed=speed,
+            keyframe=keyframe,
+            listen=listen,
+            connect=connect,
+            zenoh_config=zenoh_config,
+            settings=settings,
+        )
+        prepared = prepare(draft, classes)
+    return RunningServer(prepared, scope, run, duration)
+
+
+class RunningServer:
+    """A server in this process. `open_server` returns one.
+
+    It is a context manager, which stops the server at the end of the block. An error that stops the physics thread is
+    raised by the next call of `wait`, `step` or `stop`, or at the end of the block.
+
+    Attributes:
+        name: Its full name, such as `/robot1/mjplug`.
+        endpoint: The Zenoh endpoint where clients connect, such as `tcp/127.0.0.1:40123`.
+
+    Args:
+        prepared: Its configuration, model and plugins.
+        scope: Which log lines belong to it.
+        run: As for `open_server`.
+        duration: As for `open_server`.
+    """
+
+    def __init__(self, prepared: Prepared, scope: LogScope, run: bool, duration: float | None) -> None:
+        self.name = prepared.name
+        self._prepared = prepared
+        self._scope = scope
+        self._clients: list[Client] = []
+        self._failure: BaseException | None = None
+        self._raised = False
+        self._stopped = False
+        self._stepper: int | None = None
+        self._thread: threading.Thread | None = None
+        if run:
+            self._opened = self._open_in_thread(duration)
+        else:
+            self._stepper = threading.get_ident()
+            self._opened = self._open()
+        self.endpoint = self._opened.endpoint
+        # A Zenoh session that is open keeps the process from ending.
+        atexit.register(self._abandon)
+
+    @property
+    def running(self) -> bool:
+        """Whether the server is open."""
+        return not self._stopped and (self._thread is None or self._thread.is_alive())
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start [ns]."""
+        return self._prepared.simulation.time_ns
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model; only of a server that is stepped by its caller (`run=False`).
+
+        Raises:
+            MjplugError: The model belongs to the physics thread.
+        """
+        self._check_stepper("model")
+        return self._prepared.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state between two steps, to be read; only of a server that is stepped by its caller (`run=False`).
+
+        Raises:
+            MjplugError: The state belongs to the physics thread.
+        """
+        self._check_stepper("data")
+        return self._prepared.simulation.data
+
+    def client(self, *, timeout: float = 5.0, config: str | os.PathLike[str] | None = None) -> Client:
+        """Connects to the server; names with `~` are this server's.
+
+        If the server is stepped by its caller, a call of a service on the stepping thread serves requests until the
+        response comes. Messages arrive with the next `step`.
+
+        Args:
+            timeout: How long to wait for the connection [s].
+            config: A Zenoh configuration file for the client: certificates, passwords and so on.
+
+        Returns:
+            A new connection, closed with the server if not before.
+
+        Raises:
+            NoServerError: The server has stopped, or does not let the client in.
+        """
+        client = open_client(self.endpoint, self.name, timeout, config, self._client_class())
+        self._clients.append(client)
+        return client
+
+    def step(self, steps: int = 1) -> None:
+        """Takes physics steps, as a request to `~/step_simulation` does. Only with `run=False`.
+
+        What other threads and clients have sent before is applied before the first step.
+
+        Args:
+            steps: How many. With 0, only the requests and messages that wait are handled.
+
+        Raises:
+            RequestError: The steps could not be taken, because the simulation diverged or a client resumed it; the
+                sentence says why, and how many were taken.
+            MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
+        """
+        self._check_stepper("step")
+        if steps < 0:
+            raise MjplugError(f"steps is {steps}; it must be at least 0")
+        with self._scope.active():
+            self._noting(lambda: self._opened.step(steps))
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Waits until the server stops by itself; `stop` of another thread ends the wait too.
+
+        If the server is stepped by its caller, it handles requests meanwhile, and takes the steps that clients ask for.
+
+        Args:
+            timeout: How long to wait [s]; None is for ever.
+
+        Returns:
+            Whether the server has stopped.
+
+        Raises:
+            MjplugError: The server failed.
+        """
+        if self._thread is not None:
+            self._thread.join(timeout)
+            if self._thread.is_alive():
+                return False
+            self._raise_failure()
+            return True
+        self._check_stepper("wait")
+        with self._scope.active():
+            return self._noting(lambda: self._opened.serve_for(timeout))
+
+    def stop(self) -> None:
+        """Stops the server and closes its clients; a second call does nothing.
+
+        Raises:
+            MjplugError: The server failed, and no other call has raised the error; or it does not stop.
+        """
+        self._stop()
+        if self._failure is not None and not self._raised:
+            self._raise_failure()
+
+    def __enter__(self) -> "RunningServer":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.stop()
+            return
+        try:
+            self._stop()
+        except MjplugError as hanging:
+            error.add_note(str(hanging))
+        if self._failure is not None and self._failure is not error:
+            error.add_note(f"the server {self.name} had failed before: {self._failure!r}")
+
+    def _open(self) -> OpenedServer:
+        """Opens the server on the calling thread, which becomes its physics thread."""
+        with self._scope.active():
+            opened = OpenedServer(self._prepared)
+            try:
+                opened.wait_until_ready()
+            except BaseException:
+                opened.close()
+                raise
+            return opened
+
+    def _open_in_thread(self, duration: float | None) -> OpenedServer:
+        opening: Future[OpenedServer] = Future()
+        # A daemon, since a program that does not stop the server must end all the same.
+        self._thread = threading.Thread(
+            target=self._run, args=(opening, duration), name=f"mjplug {self.name}", daemon=True
+        )
+        self._thread.start()
+        try:
+            return opening.result()
+        except KeyboardInterrupt:
+            # Nobody gets the server, so it stops as soon as it is open.
+            opening.add_done_callback(_interrupt)
+            raise
+
+    def _run(self, opening: "Future[OpenedServer]", duration: float | None) -> None:
+        """The physics thread, from the opening to the end of the server."""
+        try:
+            opened = self._open()
+        except BaseException as error:
+            opening.set_exception(error)
+            return
+        try:
+            with self._scope.active(), closing(opened):
+                opening.set_result(opened)
+                opened.run(duration)
+        except BaseException as error:
+            # For whoever waits for the server or stops it.
+            self._failure = error
+
+    def _stop(self) -> None:
+        if self._stopped:
+            return
+        self._stopped = True
+        atexit.unregister(self._abandon)
+        for client in self._clients:
+            client.close()
+        if self._thread is None:
+            with self._scope.active():
+                self._opened.close()
+            return
+        self._opened.interrupt()
+        self._thread.join(STOP_TIMEOUT)
+        if self._thread.is_alive():
+            place = whereabouts(self._opened.server.plugins, self._thread)
+            raise MjplugError(f"{self.name} does not stop within {STOP_TIMEOUT:g} s: {place} does not return")
+
+    def _abandon(self) -> None:
+        """Stops a server that the program has not stopped, at the end of the process."""
+        self._raised = True
+        self.stop()
+
+    def _noting(self, act: Callable[[], T]) -> T:
+        """Does something on the stepping thread, and keeps the error if the server fails."""
+        try:
+            return act()
+        except MjplugError as error:
+            if self._opened.server.loop.failure is error:
+                self._failure, self._raised = error, True
+            raise
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            self._raised = True
+            raise self._failure
+
+    def _check_stepper(self, what: str) -> None:
+        if self._stepper is None:
+            raise MjplugError(f"{what} needs run=False: the physics thread of {self.name} owns the state")
+        if self._stopped:
+            raise MjplugError(f"the server {self.name} has been stopped")
+        if self._stepper != threading.get_ident():
+            raise MjplugError(f"{what}: {self.name} belongs to the thread that opened it")
+
+    def _client_class(self) -> type[Client]:
+        opened, stepper = self._opened, self._stepper
+        if stepper is None:
+            return Client
+
+        class StepperClient(Client):
+            """Serves requests while the stepping thread waits for a response."""
+
+            def call(self, *args: Any, **kwargs: Any) -> Any:
+                if threading.get_ident() != stepper:
+                    return super().call(*args, **kwargs)
+                return serve_while(opened, lambda: super(StepperClient, self).call(*args, **kwargs))
+
+        return StepperClient
+
+
+def serve_while(opened: OpenedServer, wait: Callable[[], T]) -> T:
+    """Runs something that waits for the server on another thread, and lets the server serve meanwhile."""
+    result: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            result.set_result(wait())
+        except BaseException as error:
+            result.set_exception(error)
+        # Wakes the loop.
+        opened.server.loop.inbox.post(lambda: None)
+
+    threading.Thread(target=run, name="mjplug call", daemon=True).start()
+    opened.serve_until(result.done)
+    return result.result()
+
+
+def _interrupt(opening: "Future[OpenedServer]") -> None:
+    if opening.exception() is None:
+        opening.result().interrupt()
