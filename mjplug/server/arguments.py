@@ -73,7 +73,11 @@ def _plugin_settings(
         plugins = [plugins]
     if not isinstance(plugins, Mapping):
         # An instance is named after its type, as with `--plugin`.
-        plugins = {kind.replace(":", "/").rpartition("/")[2]: kind for kind in plugins}
+        kinds = [*plugins]
+        plugins = {kind.replace(":", "/").rpartition("/")[2]: kind for kind in kinds}
+        if len(plugins) < len(kinds):
+            source = Source(f"plugins={kinds!r}")
+            raise ConfigError([Problem("two plugins have one name; give names: {NAME: TYPE}", Mark(source))])
     for name, entry in plugins.items():
         if "." in name:
             source = Source(f"plugins={{{name!r}: ...}}")

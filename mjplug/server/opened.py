@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from time import monotonic, perf_counter
 
-from mjplug.errors import RequestError
+from mjplug.errors import MjplugError, RequestError
 from mjplug.server.local_calls import LocalCalls
 from mjplug.server.prepared import Prepared
 from mjplug.server.readiness import wait_until_ready
@@ -113,13 +113,12 @@ class OpenedServer:
         loop = self.server.loop
         if steps == 0:
             loop.step(0)
+            self._check_running()
         else:
             call = self._calls.send(StepSimulation, StepSimulation.Request(steps=steps))
             self.serve_until(lambda: call.answered)
-            if call.refusal is not None and loop.failure is None:
+            if call.refusal is not None:
                 raise RequestError(call.refusal)
-        if loop.failure is not None:
-            raise loop.failure
 
     def serve_for(self, seconds: float | None) -> bool:
         """Handles requests, and takes the steps that clients ask for.
@@ -140,21 +139,34 @@ class OpenedServer:
         alarm.daemon = True
         if until is not None:
             alarm.start()
-        self.serve_until(lambda: until is not None and monotonic() >= until)
+        while not (loop.stopping or (until is not None and monotonic() >= until)):
+            loop.turn()
         alarm.cancel()
         if loop.failure is not None:
             raise loop.failure
         return loop.stopping
 
     def serve_until(self, ended: Callable[[], bool]) -> None:
-        """Handles requests, and takes the steps that clients ask for, until the server is stopped or `ended` says so.
+        """Handles requests, and takes the steps that clients ask for, until `ended` returns true.
 
         Args:
-            ended: Asked between steps, and after each call that another thread has posted to the loop.
+            ended: Called between steps, and after each call that another thread has posted to the loop.
+
+        Raises:
+            MjplugError: The server was stopped, or failed.
         """
+        while True:
+            self._check_running()
+            if ended():
+                return
+            self.server.loop.turn()
+
+    def _check_running(self) -> None:
         loop = self.server.loop
-        while not (ended() or loop.stopping):
-            loop.turn()
+        if loop.failure is not None:
+            raise loop.failure
+        if loop.stopping:
+            raise MjplugError(f"the server {self.prepared.name} was stopped")
 
     def interrupt(self) -> None:
         """Stops `run` and the like at the next step. Any thread."""

@@ -14,6 +14,7 @@ import mujoco
 from mjplug.client import Client
 from mjplug.client.connection import open_client
 from mjplug.errors import MjplugError
+from mjplug.limits import LONGEST_TIME
 from mjplug.log_scope import LogScope
 from mjplug.server.arguments import ConfigSource, PluginEntries, draft_of
 from mjplug.server.opened import OpenedServer
@@ -53,8 +54,8 @@ def open_server(
         config: A configuration file, a ROS parameter file (with `model`), a model (`scene.xml`, `bundled:box`), or what
             a configuration file contains as a mapping. Relative paths in a mapping count from the current folder.
         model: The model, in place of the one in the configuration.
-        plugins: Plugins to add: their types, as `--plugin`; or by instance name the type, the class, or a mapping with
-            `type` and parameters as in a configuration file.
+        plugins: Plugins to add. A list contains types; each instance is named after its type. A mapping contains, by
+            instance name, the type, the class, or `{"type": ..., parameters}` as in a configuration file.
         paused: Whether to start paused.
         speed: Real-time factor from 0.001 to 1000, or `"max"`.
         keyframe: Name or index of the model's keyframe to start from.
@@ -77,6 +78,8 @@ def open_server(
     """
     if not run and duration is not None:
         raise MjplugError("duration needs run=True; with run=False, call step")
+    if duration is not None and not 0.0 <= duration <= LONGEST_TIME:
+        raise MjplugError(f"duration is {duration:g} s; it must be from 0 to {LONGEST_TIME} s")
     if not run and paused is False:
         raise MjplugError("paused=False needs run=True; with run=False, only step takes steps")
     scope = LogScope()
@@ -122,12 +125,12 @@ class RunningServer:
         self._failure: BaseException | None = None
         self._raised = False
         self._stopped = False
-        self._stepper: int | None = None
+        self._stepper: threading.Thread | None = None
         self._thread: threading.Thread | None = None
         if run:
             self._opened = self._open_in_thread(duration)
         else:
-            self._stepper = threading.get_ident()
+            self._stepper = threading.current_thread()
             self._opened = self._open()
         self.endpoint = self._opened.endpoint
         # A Zenoh session that is open keeps the process from ending.
@@ -229,6 +232,9 @@ class RunningServer:
     def stop(self) -> None:
         """Stops the server and closes its clients; a second call does nothing.
 
+        On another thread than the one that steps the server, and on the physics thread itself, it ends `wait` and
+        returns at once.
+
         Raises:
             MjplugError: The server failed, and no other call has raised the error; or it does not stop.
         """
@@ -292,7 +298,12 @@ class RunningServer:
             # For whoever waits for the server or stops it.
             self._failure = error
 
-    def _stop(self) -> None:
+    def _stop(self, at_exit: bool = False) -> None:
+        here, stepper = threading.current_thread(), self._stepper
+        if not self._stopped and (here is self._thread or (stepper not in (None, here) and not at_exit)):
+            # Plugins are cleaned up by the physics thread.
+            self._opened.interrupt()
+            return
         if self._stopped:
             return
         self._stopped = True
@@ -311,8 +322,7 @@ class RunningServer:
 
     def _abandon(self) -> None:
         """Stops a server that the program has not stopped, at the end of the process."""
-        self._raised = True
-        self.stop()
+        self._stop(at_exit=True)
 
     def _noting(self, act: Callable[[], T]) -> T:
         """Does something on the stepping thread, and keeps the error if the server fails."""
@@ -333,11 +343,28 @@ class RunningServer:
             raise MjplugError(f"{what} needs run=False: the physics thread of {self.name} owns the state")
         if self._stopped:
             raise MjplugError(f"the server {self.name} has been stopped")
-        if self._stepper != threading.get_ident():
+        if self._stepper is not threading.current_thread():
             raise MjplugError(f"{what}: {self.name} belongs to the thread that opened it")
 
+    def _serve_while(self, wait: Callable[[], T]) -> T:
+        """Runs something that waits for the server on another thread, and serves requests meanwhile."""
+        opened, result = self._opened, Future[T]()
+
+        def run() -> None:
+            try:
+                result.set_result(wait())
+            except BaseException as error:
+                result.set_exception(error)
+            # Wakes the loop.
+            opened.server.loop.inbox.post(lambda: None)
+
+        threading.Thread(target=run, name="mjplug call", daemon=True).start()
+        with self._scope.active():
+            self._noting(lambda: opened.serve_until(result.done))
+        return result.result()
+
     def _client_class(self) -> type[Client]:
-        opened, stepper = self._opened, self._stepper
+        stepper, serve_while = self._stepper, self._serve_while
         if stepper is None:
             return Client
 
@@ -345,28 +372,11 @@ class RunningServer:
             """Serves requests while the stepping thread waits for a response."""
 
             def call(self, *args: Any, **kwargs: Any) -> Any:
-                if threading.get_ident() != stepper:
+                if threading.current_thread() is not stepper:
                     return super().call(*args, **kwargs)
-                return serve_while(opened, lambda: super(StepperClient, self).call(*args, **kwargs))
+                return serve_while(lambda: super(StepperClient, self).call(*args, **kwargs))
 
         return StepperClient
-
-
-def serve_while(opened: OpenedServer, wait: Callable[[], T]) -> T:
-    """Runs something that waits for the server on another thread, and lets the server serve meanwhile."""
-    result: Future[T] = Future()
-
-    def run() -> None:
-        try:
-            result.set_result(wait())
-        except BaseException as error:
-            result.set_exception(error)
-        # Wakes the loop.
-        opened.server.loop.inbox.post(lambda: None)
-
-    threading.Thread(target=run, name="mjplug call", daemon=True).start()
-    opened.serve_until(result.done)
-    return result.result()
 
 
 def _interrupt(opening: "Future[OpenedServer]") -> None:
