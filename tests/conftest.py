@@ -25,6 +25,7 @@ from mjplug.contracts.diagnostics import Diagnostics
 from mjplug.physics.loop import Loop
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host
+from mjplug_schemas.names import resolve as full_name
 
 # A busy machine is no failure.
 settings.register_profile("unhurried", deadline=None)
@@ -121,7 +122,7 @@ class World:
 
     def host(self, name="test", **options):
         def resolve(topic):
-            return topic if topic.startswith("/") else f"/{name}/{topic.removeprefix('~/')}"
+            return full_name(topic, node=name)
 
         return Host(name, self.loop, self.transport, resolve, self.workers, self.diagnostics, **options)
 

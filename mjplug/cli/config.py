@@ -87,11 +87,10 @@ def convert(config: Config, model: Model = None, output: Output = None) -> None:
     from mjplug.config.load import read
     from mjplug.plugin.selection import select
 
-    draft = read(config, model=model, environ={})
-    loaded, _ = select(draft)
+    loaded, _ = select(read(config, model=model, environ={}))
     for warning in loaded.warnings:
         complain_of(warning)
-    _write(converted(draft, loaded.settings), output)
+    _write(converted(loaded.settings), output)
 
 
 def _write(text: str, output: Path | None) -> None:

@@ -1,17 +1,19 @@
 """A configuration file that says what a ROS parameter file says."""
 
 from mjplug.cli.yaml_text import block
-from mjplug.config.draft import Draft
 from mjplug.config.settings import Settings
 
 
-def converted(draft: Draft, settings: Settings) -> str:
+def converted(settings: Settings) -> str:
     """Returns the file's text: the settings that are not defaults, and the plugins with the parameters that are given.
 
     Args:
-        draft: What was read.
         settings: What it means.
     """
     given = settings.model_dump(exclude_defaults=True, exclude={"plugins", "ros_params"})
-    plugins = {name: {"type": entry.type, **entry.parameters} for name, entry in draft.plugins.items()}
+    plugins = {
+        name: {key: getattr(entry, key) for key in type(entry).model_fields if key in entry.model_fields_set}
+        | entry.parameters
+        for name, entry in settings.plugins.items()
+    }
     return "\n".join(block({**given, "plugins": plugins}))

@@ -34,7 +34,11 @@ def effective(loaded: Loaded, plugins: Sequence[Selected]) -> Iterator[str]:
 def _plugin(loaded: Loaded, plugin: Selected) -> Iterator[str]:
     path = ("plugins", plugin.name)
     yield f"  {plugin.name}:"
-    yield _line(loaded, (*path, "type"), "    ", loaded.settings.plugins[plugin.name].type)
+    entry = loaded.settings.plugins[plugin.name]
+    for name in type(entry).model_fields:
+        # What is not set is that of the server.
+        if (value := getattr(entry, name)) is not None:
+            yield _line(loaded, (*path, name), "    ", value)
     yield from _section(loaded, plugin.parameters, path, "    ")
 
 

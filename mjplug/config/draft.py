@@ -53,11 +53,16 @@ class Draft(Origins):
 
     @property
     def plugins(self) -> dict[str, PluginEntry]:
-        """The plugin entries that have a type, by instance name, even where other settings are wrong."""
+        """The plugin entries that have a type, by instance name, even where other settings are wrong.
+
+        They have the type and the plugin's own parameters only.
+        """
         found = self._tree.value.get("plugins")
         entries = found if isinstance(found, dict) else {}
+        # Without the server's own keys, which are checked with the other settings and may be wrong.
+        own = PluginEntry.model_fields.keys() - {"type"}
         return {
-            name: PluginEntry.model_validate(entry)
+            name: PluginEntry.model_validate({key: value for key, value in entry.items() if key not in own})
             for name, entry in entries.items()
             if isinstance(entry, dict) and isinstance(entry.get("type"), str) and entry["type"]
         }

@@ -75,6 +75,8 @@ def _syntax_problem(error: yaml.MarkedYAMLError, source: Source) -> Problem:
     hint = ""
     if line[mark.column - 1 :].startswith("\t") or re.match(" *\t", line):
         hint = "indent with spaces, YAML allows no tabs"
+    elif re.search(r"(^|[\s,{\[:])\{ns\}[^\s,}\]]", line):
+        hint = "quote a name that begins with '{ns}', such as \"{ns}/scan\""
     elif "mapping values are not allowed" in message:
         hint = "quote a text that contains ': '"
     elif "undefined alias" in message:

@@ -11,6 +11,7 @@ from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.settings import Section, Settings
 from mjplug.config.tree import NotASectionError, Tree
 from mjplug.errors import did_you_mean
+from mjplug_schemas.names import NAMESPACE
 
 PREFIX = "MJPLUG_"
 
@@ -130,7 +131,8 @@ def _put(tree: Tree, path: Sequence[str], value: object, source: Source, plain: 
 
 def _read(text: str, source: Source) -> object:
     """Reads a value: lists, mappings and quoted text as in YAML, everything else by the rules for unquoted scalars."""
-    if text.lstrip().startswith(("[", "{", '"', "'", "!")):
+    # `{ns}/scan` is a name, which needs quotes only in a file.
+    if text.lstrip().startswith(("[", "{", '"', "'", "!")) and not text.lstrip().startswith(NAMESPACE):
         document = parse_document(text, source)
         if document.problems:
             raise ConfigError(document.problems)

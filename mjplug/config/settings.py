@@ -6,7 +6,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from mjplug.config.endpoint import check_endpoint
 from mjplug.limits import FASTEST, SLOWEST
-from mjplug_schemas.names import normalize_namespace, validate_name, validate_node_name
+from mjplug_schemas.names import NAMESPACE, normalize_namespace, validate_node_name, validate_substituted
 
 
 def _node_name(text: str) -> str:
@@ -15,12 +15,29 @@ def _node_name(text: str) -> str:
 
 
 def _full_name(text: str) -> str:
-    validate_name(text)
+    validate_substituted(text)
+    return text
+
+
+def _relative_or_full(text: str) -> str:
+    normalize_namespace(text)
+    return text
+
+
+def _frame_prefix(text: str) -> str:
+    rest = text.replace(NAMESPACE, "")
+    if rest and (text.startswith("/") or any(c in "{}" or c.isspace() for c in rest)):
+        raise ValueError(
+            f"a frame prefix has no spaces, does not start with '/', and its only substitution is {NAMESPACE!r}; "
+            "write for instance 'robot1/' or '{ns}/'"
+        )
     return text
 
 
 NodeName = Annotated[str, AfterValidator(_node_name)]
 FullName = Annotated[str, AfterValidator(_full_name)]
+Namespace = Annotated[str, AfterValidator(normalize_namespace)]
+FramePrefix = Annotated[str, AfterValidator(_frame_prefix)]
 Endpoints = Annotated[tuple[Annotated[str, AfterValidator(check_endpoint)], ...], Field(strict=False)]
 
 
@@ -124,10 +141,18 @@ class PluginEntry(BaseModel):
         description="Which plugin: a registered name such as `heartbeat`, a name of mujoco_ros2_control's, or "
         "`module:Class`.",
     )
+    namespace: Annotated[str, AfterValidator(_relative_or_full)] | None = Field(
+        None,
+        description="Namespace of this instance: `robot1` is below that of the server, `/robot1` is not; without it, "
+        "that of the server.",
+    )
+    frame_prefix: FramePrefix | None = Field(
+        None, description="Prefix of this instance's frames; without it, that of the server."
+    )
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Everything but the type, as it stands in the file."""
+        """The plugin's own parameters, as they stand in the file."""
         return dict(self.__pydantic_extra__ or {})
 
 
@@ -141,11 +166,15 @@ class Settings(Section):
     node_name: NodeName = Field(
         "mjplug", description="The server's own name: `/<namespace>/<node_name>/set_pause` and so on."
     )
-    namespace: Annotated[str, AfterValidator(normalize_namespace)] = Field(
-        "", description="ROS namespace of every relative name; empty is the root."
+    namespace: Namespace = Field(
+        "", description="ROS namespace of every name that is not given as absolute; empty is the root."
+    )
+    frame_prefix: FramePrefix = Field(
+        "",
+        description="Prefix of the TF frames in messages, such as `robot1/`; `{ns}/` stands for the namespace.",
     )
     remap: dict[FullName, FullName] = Field(
-        {}, description="Full names, and what they are called instead: `{/scan: /robot1/scan}`."
+        {}, description="Full names, and what they are called instead: `{/clock: '{ns}/clock'}`."
     )
     sim: Sim = Field(Sim(), description="How the simulation runs.")
     zenoh: Zenoh = Field(Zenoh(), description="How the server gets onto the network.")

@@ -53,6 +53,7 @@ class Host(WorldView):
         model_file: The model's file.
         folders: Where relative file names in the instance's parameters count from, first choice first.
         stopwatch: Counts the time that the plugin takes.
+        frame_prefix: What stands before the TF frames in the plugin's messages, such as `robot1/`.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Host(WorldView):
         model_file: Path | None = None,
         folders: Sequence[Path] = (),
         stopwatch: Stopwatch | None = None,
+        frame_prefix: str = "",
     ) -> None:
         super().__init__(loop.simulation, model_file, folders)
         self.name = name
@@ -77,6 +79,7 @@ class Host(WorldView):
         self._loop = loop
         self._transport = transport
         self._resolve = resolve
+        self._frame_prefix = frame_prefix
         self._workers = workers
         self._diagnostics = diagnostics
         self._guard = Guard(name, self.logger, loop, self._stopwatch, disable_on_error)
@@ -101,6 +104,17 @@ class Host(WorldView):
         except NameRuleError as error:
             raise PluginError(str(error)) from error
 
+    def frame_id(self, name: str) -> str:
+        """Returns a TF frame as this plugin's messages name it: with `frame_prefix` before it.
+
+        Args:
+            name: Such as `base_link`. With a leading `/` it is shared between robots and gets no prefix: `/map` is
+                `map`. The empty name, for no frame, stays empty.
+        """
+        if name.startswith("/"):
+            return name.removeprefix("/")
+        return f"{self._frame_prefix}{name}" if name else ""
+
     def activate(self) -> None:
         """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
         self._guard.activate()
@@ -116,7 +130,8 @@ class Host(WorldView):
 
         Args:
             type: Message class.
-            name: `/absolute`, or relative (`name` and `~/name` mean the same) to `/<namespace>/<instance>/`.
+            name: `/absolute`; `{ns}/name`, which is `/<namespace>/name`; or relative (`name` and `~/name` mean the
+                same) to `/<namespace>/<instance>/`.
             qos: Quality of service.
             on_matched: Called when a first listener appears.
 

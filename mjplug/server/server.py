@@ -3,11 +3,11 @@
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from mjplug.config.instance_names import InstanceNames, instance_names, server_names
 from mjplug.config.settings import Settings
 from mjplug.contracts.diagnostics import Diagnostics
 from mjplug.contracts.transport import Transport
@@ -29,7 +29,6 @@ from mjplug.services import (
     step_simulation,
 )
 from mjplug.services.plugin_times import PluginTimes
-from mjplug_schemas.names import resolve
 
 _log = logging.getLogger(__name__)
 
@@ -77,7 +76,7 @@ class Server:
         self._times = PluginTimes(self.loop, perf_counter())
         # Before the diagnostics are published.
         self.loop.on_second.append(self._times.look)
-        host = self._host(settings.node_name, disable_on_error=False)
+        host = self._host(settings.node_name, server_names(settings), disable_on_error=False)
         name = f"{settings.namespace}/{settings.node_name}"
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
@@ -126,7 +125,8 @@ class Server:
         self._cleanups.close()
 
     def _start(self, selected: Selected) -> None:
-        host = self._host(selected.name, self._settings.on_plugin_error == "disable", selected.folders)
+        names = instance_names(self._settings, selected.name)
+        host = self._host(selected.name, names, self._settings.on_plugin_error == "disable", selected.folders)
         plugin = self.plugins[selected.name] = selected.plugin_class()
         self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
         host.attach(plugin)
@@ -140,20 +140,20 @@ class Server:
             _log.exception("plugin %s failed to start", selected.name)
             raise PluginError(f"plugin {selected.name} failed to start: {error!r}") from error
 
-    def _host(self, name: str, disable_on_error: bool, folders: Sequence[Path] = ()) -> Host:
-        settings = self._settings
+    def _host(self, name: str, names: InstanceNames, disable_on_error: bool, folders: Sequence[Path] = ()) -> Host:
         return Host(
             name,
             self.loop,
             self._transport,
-            partial(resolve, namespace=settings.namespace, node=name, remap=settings.remap),
+            names.full_name,
             self._workers,
             self.diagnostics,
-            settings.sim.seed,
+            self._settings.sim.seed,
             disable_on_error,
             self._model_file,
             folders,
             self._times.add(name),
+            names.frame_prefix,
         )
 
     @staticmethod

@@ -10,7 +10,7 @@ class HeartbeatParameters(Parameters):
     """Parameters of Heartbeat."""
 
     update_rate: float = Field(default=1.0, gt=0, description="Messages per second of simulated time [Hz].")
-    topic: str = Field(default="/mujoco_heartbeat", description="Topic name.")
+    topic: str = Field(default="{ns}/mujoco_heartbeat", description="Topic name.")
 
 
 class Heartbeat(Plugin[HeartbeatParameters]):

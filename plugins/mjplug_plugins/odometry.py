@@ -26,7 +26,7 @@ class OdometryParameters(Parameters):
     """Parameters of OdometryPublisher."""
 
     body: str = Field(default="", description="Body of the base; empty is the only one with a free joint.")
-    topic: str = Field(default="/odom", description="Topic name.")
+    topic: str = Field(default="{ns}/odom", description="Topic name.")
     rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")
     frame_id: str = Field(default="odom", description="Frame of the pose.")
     child_frame_id: str = Field(
@@ -36,7 +36,7 @@ class OdometryParameters(Parameters):
         default="world", description="Where the frame is: in the world's place, or where the base is after each reset."
     )
     publish_tf: bool = Field(default=False, description="Whether the pose is published on `tf_topic` too.")
-    tf_topic: str = Field(default="/tf", description="Topic of the transform.")
+    tf_topic: str = Field(default="{ns}/tf", description="Topic of the transform.")
     pose_covariance: Diagonal = Field(
         default=(0.0,) * 6, description="Variances of x, y, z and of the turns about them [m², rad²]."
     )
@@ -58,8 +58,8 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         self._base = _Base(host, host.body_id(name))
         self._from_start = parameters.origin == "start"
         self.on_reset()
-        child = parameters.child_frame_id or name
-        header = Header(frame_id=parameters.frame_id)
+        child = host.frame_id(parameters.child_frame_id or name)
+        header = Header(frame_id=host.frame_id(parameters.frame_id))
         self._message = CdrFrame(
             Odometry(
                 header=header,

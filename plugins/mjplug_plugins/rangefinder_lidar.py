@@ -36,7 +36,7 @@ class LidarParameters(Parameters):
     range_max: float = Field(
         default=1000.0, gt=0, validate_default=True, description="Longest distance that can be measured [m]."
     )
-    laserscan_topic: str = Field(default="/scan", description="Topic name.")
+    laserscan_topic: str = Field(default="{ns}/scan", description="Topic name.")
 
     @property
     def rays(self) -> int:
@@ -138,7 +138,7 @@ class _Scan:
         self._geom = np.zeros(1, np.int32)
         self._message = CdrFrame(
             LaserScan(
-                header=Header(frame_id=lidar.frame_name),
+                header=Header(frame_id=host.frame_id(lidar.frame_name)),
                 angle_min=lidar.min_angle,
                 angle_max=lidar.min_angle + (len(sensors) - 1) * lidar.angle_increment,
                 angle_increment=lidar.angle_increment,

@@ -19,7 +19,7 @@ class RobotDescriptionParameters(Parameters):
         default="",
         description="URDF, or another text: relative to the configuration, or package://; empty is the model.",
     )
-    topic: str = Field(default="/robot_description", description="Topic name.")
+    topic: str = Field(default="{ns}/robot_description", description="Topic name.")
 
 
 class RobotDescription(Plugin[RobotDescriptionParameters]):

@@ -9,6 +9,9 @@ from mjplug_schemas.errors import NameRuleError
 MOST_CHARACTERS = 247
 """How long a full name may be; rmw's limit, which leaves room for the prefixes that DDS needs."""
 
+NAMESPACE = "{ns}"
+"""ROS 2's substitution for the namespace: `{ns}/scan` is `/robot1/scan` in the namespace `/robot1`, else `/scan`."""
+
 _NO_REMAP: Mapping[str, str] = MappingProxyType({})
 
 
@@ -63,19 +66,22 @@ def resolve(name: str, *, namespace: str = "", node: str, remap: Mapping[str, st
     """Returns the full name that a name means to a node or a plugin instance.
 
     Args:
-        name: `/absolute`, or `relative` or `~/relative`, both of which mean `/<namespace>/<node>/relative`.
-        namespace: The namespace of the server.
+        name: `/absolute`, `{ns}/name`, which means `/<namespace>/name`, or `relative` or `~/relative`, both of which
+            mean `/<namespace>/<node>/relative`.
+        namespace: The namespace of the server, or of the plugin instance.
         node: The name of the node, or of the plugin instance.
-        remap: What to call it instead, by full names.
+        remap: What to call it instead, by full names; both may begin with `{ns}/`.
 
     Raises:
         NameRuleError: If the name, what it resolves to or what it is remapped to breaks one of ROS's rules.
     """
     if not name:
         raise _broken("name", name, "it must not be empty")
-    if name.startswith("/"):
-        full = name
+    if name.startswith(("/", NAMESPACE)):
+        full = in_namespace(name, namespace)
     else:
+        if "{" in name:
+            raise _broken("name", name, f"the only substitution is {NAMESPACE!r}, at the start and followed by '/'")
         if name == "~" or (name.startswith("~") and name[1] != "/"):
             raise _broken("name", name, "'~' stands at the start, with '/' and a name behind it")
         relative = name.removeprefix("~/")
@@ -86,10 +92,32 @@ def resolve(name: str, *, namespace: str = "", node: str, remap: Mapping[str, st
         validate_node_name(node)
         full = f"{normalize_namespace(namespace)}/{node}/{relative}"
     validate_name(full)
-    if full in remap:
-        full = remap[full]
-        validate_name(full)
+    for old, new in remap.items():
+        if in_namespace(old, namespace) == full:
+            full = in_namespace(new, namespace)
+            validate_name(full)
+            break
     return full
+
+
+def in_namespace(name: str, namespace: str) -> str:
+    """Returns a name with a leading `{ns}` replaced by the namespace, such as `/robot1` or the empty string.
+
+    Raises:
+        NameRuleError: If the namespace breaks one of ROS's rules.
+    """
+    if not name.startswith(f"{NAMESPACE}/"):
+        return name
+    return normalize_namespace(namespace) + name.removeprefix(NAMESPACE)
+
+
+def validate_substituted(name: str) -> None:
+    """Checks a full name that may begin with `{ns}/`, such as `/robot1/scan` or `{ns}/scan`.
+
+    Raises:
+        NameRuleError: If it breaks one of ROS's rules; the sentence names the rule.
+    """
+    validate_name(in_namespace(name, ""))
 
 
 def key(name: str) -> str:

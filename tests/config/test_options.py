@@ -110,3 +110,23 @@ def test_wrong_options_say_which_they_are(config):
 
 def test_an_option_for_a_section_hides_what_the_file_said_in_it(config):
     assert config("model: a\nsim: {nonsense: 1}", "sim={}").settings.sim.speed == 1.0
+
+
+def test_a_name_in_the_namespace_needs_no_quotes_as_an_option(config):
+    text = "model: a\nplugins: {lidar: {type: lidar}}"
+    assert config(text, "plugins.lidar.topic={ns}/scan").settings.plugins["lidar"].parameters == {"topic": "{ns}/scan"}
+
+
+@pytest.mark.parametrize(
+    "text", ["model: a\nremap:\n  /clock: {ns}/clock\n", "model: a\nremap: {/clock: {ns}/clock}\n"]
+)
+def test_a_name_in_the_namespace_without_quotes_in_a_file_is_told_to_have_them(config, text):
+    assert refusal(config, text).endswith("^ quote a name that begins with '{ns}', such as \"{ns}/scan\"")
+    assert config("model: a\nremap: {/clock: '{ns}/clock'}").settings.remap == {"/clock": "{ns}/clock"}
+
+
+def test_the_keys_of_an_entry_are_checked_together_with_the_rest(config):
+    text = "model: a\nplugins:\n  a: {type: heartbeat, namespace: 9a, frame_prefix: /b, rate: 1}\n"
+    told = refusal(config, text)
+    assert "plugins.a.namespace: '9a' is not a valid ROS namespace" in told
+    assert "plugins.a.frame_prefix: a frame prefix has no spaces" in told

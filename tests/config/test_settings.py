@@ -14,6 +14,7 @@ def test_defaults_are_those_of_the_documentation():
         "model": "scene.xml",
         "node_name": "mjplug",
         "namespace": "",
+        "frame_prefix": "",
         "remap": {},
         "sim": {
             "speed": 1.0,

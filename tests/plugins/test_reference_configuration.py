@@ -111,7 +111,7 @@ BELOW = {
             "angle_increment": 0.025,
             "range_min": 0.0,
             "range_max": 1000.0,
-            "laserscan_topic": "/scan",
+            "laserscan_topic": "{ns}/scan",
         }
     },
     "Camera": {

@@ -7,7 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjplug_schemas.errors import NameRuleError
-from mjplug_schemas.names import dds_type, key, normalize_namespace, resolve, validate_name, validate_node_name
+from mjplug_schemas.names import (
+    dds_type,
+    key,
+    normalize_namespace,
+    resolve,
+    validate_name,
+    validate_node_name,
+    validate_substituted,
+)
 
 LETTERS = "only letters of the English alphabet, digits, '_' and '/'"
 LETTERS_OF_NODES = "only letters of the English alphabet, digits and '_'"
@@ -144,3 +152,34 @@ def test_a_key_is_the_name_without_its_first_slash():
 def test_dds_names_of_types():
     assert dds_type("std_msgs/msg/String") == "std_msgs::msg::dds_::String_"
     assert dds_type("std_srvs/srv/Trigger") == "std_srvs::srv::dds_::Trigger_"
+
+
+@pytest.mark.parametrize(
+    ("namespace", "full"), [("", "/scan"), ("/", "/scan"), ("r1", "/r1/scan"), ("/a/b", "/a/b/scan")]
+)
+def test_a_name_with_the_namespace_substituted_is_below_the_namespace_and_not_the_node(namespace, full):
+    assert resolve("{ns}/scan", namespace=namespace, node="lidar") == full
+
+
+@pytest.mark.parametrize(
+    "name", ["a{ns}/scan", "{node}/scan", "{ns}scan", "{namespace}/scan", "{ns}", "{ns}/", "{ns}//a", "{ns}/{ns}/a"]
+)
+def test_a_substitution_anywhere_else_is_refused(name):
+    with pytest.raises(NameRuleError, match="is not a valid ROS name"):
+        resolve(name, namespace="r1", node="lidar")
+
+
+def test_remapping_substitutes_the_namespace_on_both_sides():
+    remap = {"/clock": "{ns}/clock", "{ns}/scan": "{ns}/front/scan"}
+    names = [
+        resolve(name, namespace="r1", node="n", remap=remap) for name in ("/clock", "/r1/scan", "{ns}/scan", "/scan")
+    ]
+    assert names == ["/r1/clock", "/r1/front/scan", "/r1/front/scan", "/scan"]
+
+
+def test_a_name_with_a_substitution_is_checked_without_a_namespace():
+    validate_substituted("{ns}/scan")
+    validate_substituted("/scan")
+    for name in ("scan", "{ns}scan", "{ns}", "{ns}/9a"):
+        with pytest.raises(NameRuleError):
+            validate_substituted(name)

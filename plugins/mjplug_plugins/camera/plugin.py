@@ -148,6 +148,7 @@ def _views(
         if not has_resolution(model, camera) and None in (own[0] or usual[0], own[1] or usual[1]):
             by_default.append(f"{name} {width}x{height}")
         frame = f"{name}_frame" if settings.frame_name is None else settings.frame_name
+        frame = host.frame_id(frame)
         intrinsics = intrinsics_of(model, camera, width, height)
         views.append(View(name, tokens[name], camera, width, height, frame, intrinsics, settings.segmentation))
     if by_default:

@@ -13,22 +13,23 @@ _SIZE = Vector3(x=0.02, y=0.04, z=0.0)
 _SHORTEST_SQUARED = 1e-18
 
 
-def arrows(wrench: Wrench, marker_id: int, force_scale: float, torque_scale: float) -> list[Marker]:
+def arrows(wrench: Wrench, frame: str, marker_id: int, force_scale: float, torque_scale: float) -> list[Marker]:
     """Returns a red arrow for the force and a cyan one for the torque, in the body's TF frame; a zero vector has none.
 
     Args:
         wrench: What to show.
+        frame: TF frame of the wrench's body.
         marker_id: The markers' id, the same in both namespaces.
         force_scale: Arrow length per force, ramp included [m/N].
         torque_scale: Arrow length per torque, ramp included [m/(N·m)].
     """
     parts = ((FORCE, wrench.force, force_scale), (TORQUE, wrench.torque, torque_scale))
-    return [_arrow(ns, wrench, marker_id, vec, scale) for ns, vec, scale in parts if _visible(vec, scale)]
+    return [_arrow(ns, wrench, frame, marker_id, vec, scale) for ns, vec, scale in parts if _visible(vec, scale)]
 
 
-def deletions(wrench: Wrench, marker_id: int) -> list[Marker]:
-    """Returns the messages that take a wrench's arrows away."""
-    header = Header(frame_id=wrench.body_name)
+def deletions(wrench: Wrench, frame: str, marker_id: int) -> list[Marker]:
+    """Returns the messages that delete a wrench's arrows; `frame` is the TF frame of its body."""
+    header = Header(frame_id=frame)
     return [
         Marker(header=header, ns=ns, id=marker_id, type=Marker.ARROW, action=Marker.DELETE)
         for ns, vec in ((FORCE, wrench.force), (TORQUE, wrench.torque))
@@ -40,11 +41,11 @@ def _visible(vec: Vec, scale: float) -> bool:
     return sum(v * v for v in vec) > _SHORTEST_SQUARED and scale > 0.0
 
 
-def _arrow(ns: str, wrench: Wrench, marker_id: int, vec: Vec, scale: float) -> Marker:
+def _arrow(ns: str, wrench: Wrench, frame: str, marker_id: int, vec: Vec, scale: float) -> Marker:
     start, tip = wrench.point, [p + scale * v for p, v in zip(wrench.point, vec, strict=True)]
     return Marker(
         # A zero stamp asks RViz for the newest transform, so the arrow stays on the body.
-        header=Header(frame_id=wrench.body_name),
+        header=Header(frame_id=frame),
         ns=ns,
         id=marker_id,
         type=Marker.ARROW,

@@ -113,7 +113,15 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._active.remove(wrenches)
         ended = [(wrench, self._shown.pop(wrench)) for wrench in wrenches if wrench in self._shown]
         if ended and self._markers.matched:
-            self._markers.publish(MarkerArray(markers=[m for wrench, i in ended for m in markers.deletions(wrench, i)]))
+            self._markers.publish(
+                MarkerArray(
+                    markers=[
+                        m
+                        for wrench, i in ended
+                        for m in markers.deletions(wrench, self._host.frame_id(wrench.body_name), i)
+                    ]
+                )
+            )
         if not self._active:
             self._host.deactivate()
 
@@ -127,5 +135,5 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         for wrench, marker_id in self._shown.items():
             scale = wrench.scale((step - wrench.start) * self._timestep)
             force, torque = self._parameters.force_arrow_scale * scale, self._parameters.torque_arrow_scale * scale
-            arrows += markers.arrows(wrench, marker_id, force, torque)
+            arrows += markers.arrows(wrench, self._host.frame_id(wrench.body_name), marker_id, force, torque)
         self._markers.publish(MarkerArray(markers=arrows))

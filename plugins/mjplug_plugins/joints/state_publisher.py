@@ -23,7 +23,7 @@ _JOINT_TRANSMISSIONS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_
 class JointStatePublisherParameters(Parameters):
     """Parameters of JointStatePublisher."""
 
-    topic: str = Field(default="/joint_states", description="Topic name.")
+    topic: str = Field(default="{ns}/joint_states", description="Topic name.")
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time [Hz].")
     joints: Annotated[tuple[str, ...], AfterValidator(each_once)] = Field(
         default=(), strict=False, description="Joints to publish, in this order; empty means all hinges and slides."
@@ -54,7 +54,7 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
         zeros = [0.0] * len(joints)
         self._message = CdrFrame(
             JointState(
-                header=Header(frame_id=parameters.frame_id),
+                header=Header(frame_id=host.frame_id(parameters.frame_id)),
                 name=[joint.name for joint in joints],
                 **dict.fromkeys(parameters.interfaces, zeros),
             )

@@ -25,7 +25,9 @@ class LidarParameters(Parameters):
 
     site: str | None = Field(default=None, description="Site it is at; needed for a lidar that the model lacks.")
     frame_name: str | None = Field(default=None, description="Frame of the messages; the site's name by default.")
-    topic: str | None = Field(default=None, description="Topic name; /scan by default, /points with several rows.")
+    topic: str | None = Field(
+        default=None, description="Topic name; `{ns}/scan` by default, `{ns}/points` with several rows."
+    )
     resolution: Annotated[tuple[int, int], Field(strict=False)] | None = Field(
         default=None, description="Columns and rows of rays."
     )

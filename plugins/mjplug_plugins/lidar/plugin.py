@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import chain
 
 from mjplug.plugin import (
@@ -106,7 +107,8 @@ def _lidars(host: Host, configured: Mapping[str, LidarParameters]) -> list[Setti
             )
         # By its name besides, so that other lidars do not change its noise.
         noise = (seed, *name.encode())
-        lidars.append(settings_of(host.model, name, sensors.get(name), given, noise))
+        settings = settings_of(host.model, name, sensors.get(name), given, noise)
+        lidars.append(replace(settings, frame_name=host.frame_id(settings.frame_name)))
     return lidars
 
 

@@ -107,7 +107,7 @@ def settings_of(
         name=name,
         site=site,
         frame_name=parameters.frame_name or mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SITE, site) or name,
-        topic=parameters.topic or ("/points" if rows > 1 else "/scan"),
+        topic=parameters.topic or ("{ns}/points" if rows > 1 else "{ns}/scan"),
         columns=columns,
         rows=rows,
         azimuth_range=azimuths,

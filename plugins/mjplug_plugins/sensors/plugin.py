@@ -67,7 +67,7 @@ class _Reading:
         self._noise = Noise(sensor, exact, seed) if noisy else None
         cutoff = sensor.main.cutoff
         frame = frame_of(host.model, sensor, world) if settings.frame_id is None else settings.frame_id
-        self._message = CdrFrame(message_of(sensor, settings, frame, cutoff, noisy))
+        self._message = CdrFrame(message_of(sensor, settings, host.frame_id(frame), cutoff, noisy))
         values = self._noise.values if self._noise else exact
         places = {role: reference_in_frame(host.model, source) for role, source in sensor.parts.items()}
         references = {role: place for role, place in places.items() if place is not None}

@@ -33,7 +33,11 @@ class TransformsParameters(Parameters):
     """Parameters of Transforms."""
 
     rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time on `topic` [Hz].")
-    world_frame: str = Field(default="world", min_length=1, description="What the world's frame is called.")
+    world_frame: str = Field(
+        default="world",
+        min_length=1,
+        description="Name of the world's frame; with a leading `/` it gets no `frame_prefix`.",
+    )
     bodies: tuple[str, ...] = Field(
         default=(), strict=False, description="Bodies that are frames; empty means all that have a name."
     )
@@ -49,5 +53,5 @@ class TransformsParameters(Parameters):
         description="Sites that are frames: `sensors` is those that sensors name; or a list of names.",
     )
     frames: dict[str, FrameParameters] = Field(default={}, description="More frames, by name.")
-    topic: str = Field(default="/tf", description="Topic of what moves.")
-    static_topic: str = Field(default="/tf_static", description="Topic of what does not.")
+    topic: str = Field(default="{ns}/tf", description="Topic of the transforms that move.")
+    static_topic: str = Field(default="{ns}/tf_static", description="Topic of the transforms that do not move.")

@@ -17,7 +17,7 @@ _NUMBERS = (*(f"translation.{axis}" for axis in "xyz"), *(f"rotation.{axis}" for
 
 
 class Transforms(Plugin[TransformsParameters]):
-    """Publishes the frames of bodies, cameras and sites as `tf2_msgs/TFMessage`, on `/tf` and `/tf_static`.
+    """Publishes the frames of bodies, cameras and sites as `tf2_msgs/TFMessage`, on `tf` and `tf_static`.
 
     The parent of a body's frame is that of the body it hangs on. All transforms of a message are those of its stamp.
     """
@@ -55,7 +55,10 @@ class _Transforms:
         self._host = host
         self._relative = Relative(host.model, host.data, links)
         transforms = [
-            TransformStamped(header=Header(frame_id=link.parent_name), child_frame_id=link.frame.name) for link in links
+            TransformStamped(
+                header=Header(frame_id=host.frame_id(link.parent_name)), child_frame_id=host.frame_id(link.frame.name)
+            )
+            for link in links
         ]
         self.frame = CdrFrame(TFMessage(transforms=transforms))
         every = range(len(links))

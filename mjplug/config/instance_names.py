@@ -1,0 +1,67 @@
+"""What the names of one plugin instance become: its namespace, its TF frame prefix, and its defaults."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from mjplug.config.settings import Settings
+from mjplug_schemas.names import NAMESPACE, normalize_namespace, resolve
+
+REFERENCE_TYPES = "mujoco_ros2_control_plugins/"
+"""How the plugin types of mujoco_ros2_control begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceNames:
+    """The names of the server itself or of one plugin instance.
+
+    Attributes:
+        full_name: Returns the full ROS name of a name, after remapping.
+        frame_prefix: What stands before TF frames, such as `robot1/`.
+    """
+
+    full_name: Callable[[str], str]
+    frame_prefix: str
+
+
+def server_names(settings: Settings) -> InstanceNames:
+    """Returns the names of the server itself."""
+    return InstanceNames(_resolver(settings, settings.node_name, settings.namespace), "")
+
+
+def instance_names(settings: Settings, instance: str) -> InstanceNames:
+    """Returns the names of a plugin instance."""
+    entry = settings.plugins.get(instance)
+    namespace, prefix, reference = settings.namespace, settings.frame_prefix, False
+    if entry is not None:
+        if entry.namespace is not None:
+            own = normalize_namespace(entry.namespace)
+            namespace = own if entry.namespace.startswith("/") else namespace + own
+        if entry.frame_prefix is not None:
+            prefix = entry.frame_prefix
+        reference = (
+            entry.type.startswith(REFERENCE_TYPES) and entry.namespace is None and not _substitutes(entry.parameters)
+        )
+    full_name = _resolver(settings, instance, namespace)
+    return InstanceNames(
+        partial(_documented, full_name) if reference else full_name,
+        prefix.replace(NAMESPACE, namespace.strip("/")).lstrip("/"),
+    )
+
+
+def _resolver(settings: Settings, node: str, namespace: str) -> Callable[[str], str]:
+    return partial(resolve, namespace=namespace, node=node, remap=settings.remap)
+
+
+def _documented(full_name: Callable[[str], str], name: str) -> str:
+    """Leaves the namespace out of a default: mujoco_ros2_control documents `/scan` and its like as absolute names."""
+    return full_name(name.removeprefix(NAMESPACE))
+
+
+def _substitutes(value: object) -> bool:
+    """Whether the user wrote `{ns}` somewhere in the parameters; then defaults have it too."""
+    if isinstance(value, Mapping):
+        return any(map(_substitutes, value.values()))
+    if isinstance(value, list | tuple):
+        return any(map(_substitutes, value))
+    return isinstance(value, str) and NAMESPACE in value
