@@ -11,8 +11,10 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import yaml
 
@@ -55,7 +57,37 @@ def write_pages(folder: Path) -> dict[str, Any]:
     config = yaml.safe_load((ROOT / "docs" / "site" / "mkdocs.yml").read_text(encoding="utf-8"))
     extend(config, "Examples", [f"examples/{readme.parent.name}/index.md" for readme in examples])
     extend(config, "Plugins", [path for path in parts.pages if path != "plugins.md"])
+    config["theme"]["custom_dir"] = str(ROOT / "docs" / "site" / "theme")
+    if address := repository():
+        config |= {"repo_url": address, "repo_name": "Source code"}
     return config
+
+
+def repository() -> str:
+    """Returns the web address of the repository.
+
+    It is `project.urls.Repository` of pyproject.toml, otherwise that of the remote `origin`; empty if neither has one.
+    """
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    if address := project.get("urls", {}).get("Repository"):
+        return str(address)
+    if shutil.which("git") is None:
+        return ""
+    command = ["git", "-C", ROOT, "config", "--get", "remote.origin.url"]
+    return web_address(subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip())
+
+
+def web_address(remote: str) -> str:
+    """Returns the web address of a Git remote, without user and password; empty if it has none, such as a folder."""
+    if short := re.fullmatch(r"[\w.-]+@([\w.-]+):(?!//)(.+)", remote):
+        remote = f"ssh://{short[1]}/{short[2]}"
+    parts = urlsplit(remote)
+    if parts.scheme not in ("https", "http", "ssh") or not parts.hostname:
+        return ""
+    # The port is that of SSH, or one at which a browser is answered too.
+    port = f":{parts.port}" if parts.port and parts.scheme != "ssh" else ""
+    scheme = "http" if parts.scheme == "http" else "https"
+    return f"{scheme}://{parts.hostname}{port}{parts.path.rstrip('/').removesuffix('.git')}"
 
 
 def extend(config: dict[str, Any], section: str, pages: list[str]) -> None:

@@ -1,15 +1,25 @@
 """The site is built without a warning, holds every page, and loads nothing from elsewhere."""
 
+import importlib.util
+import os
 import re
+import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
 
 import pytest
 import yaml
-from docs.markdown import PAGES, ROOT
+from docs.markdown import PAGES, ROOT, prose
 
 SITE = ROOT / "docs" / "site"
+
+# A clone made with a password, of a repository that nobody else has.
+ORIGIN = {
+    "GIT_CONFIG_COUNT": "1",
+    "GIT_CONFIG_KEY_0": "remote.origin.url",
+    "GIT_CONFIG_VALUE_0": "https://robin:hood@git.test/robots/mjplug.git",
+}
 
 
 class Page(HTMLParser):
@@ -36,7 +46,12 @@ def built(tmp_path_factory):
     """Builds the site; gives its folder and what was said."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
-        [sys.executable, SITE / "build.py", folder], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, SITE / "build.py", folder],
+        env=os.environ | ORIGIN,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return folder
@@ -99,3 +114,59 @@ def test_what_a_block_shows_is_on_the_site_as_it_stands(built):
     text = re.sub(r"<[^>]+>", "", (built / "site" / "security.html").read_text("utf-8"))
     for line in ("server.json5", "guest:look", "-copy_extensions copy -out server.pem"):
         assert line in text
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="this machine has no git")
+def test_every_page_links_to_the_repository_and_asks_its_host_for_nothing(built, pages):
+    for name, page in pages.items():
+        text = (built / "site" / name).read_text("utf-8")
+        assert "https://git.test/robots/mjplug" in page.links, name
+        assert "robin:hood" not in text
+        # The script of the theme asks the host for stars and versions where it finds this.
+        assert 'data-md-component="source"' not in text
+
+
+@pytest.mark.parametrize(
+    ("remote", "address"),
+    [
+        ("https://git.test/a/b.git", "https://git.test/a/b"),
+        ("https://token@git.test:8443/a/b/", "https://git.test:8443/a/b"),
+        ("http://git.test/b", "http://git.test/b"),
+        ("git@git.test:a/b.git", "https://git.test/a/b"),
+        ("ssh://git@git.test:2222/a/b.git", "https://git.test/a/b"),
+        ("/srv/git/b.git", ""),
+        ("../b", ""),
+        ("file:///srv/git/b.git", ""),
+        ("", ""),
+    ],
+)
+def test_the_web_address_of_a_remote_has_neither_user_nor_suffix(remote, address):
+    spec = importlib.util.spec_from_file_location("site_build", SITE / "build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert module.web_address(remote) == address
+
+
+def test_every_page_has_light_and_dark_colours_and_follows_the_system(built, pages):
+    for name in pages:
+        text = (built / "site" / name).read_text("utf-8")
+        choices = re.findall(r'data-md-color-media="([^"]*)" data-md-color-scheme="(\w+)"', text)
+        assert choices == [
+            ("(prefers-color-scheme)", "default"),
+            ("(prefers-color-scheme: light)", "default"),
+            ("(prefers-color-scheme: dark)", "slate"),
+        ], name
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_no_link_has_the_name_of_a_file_as_its_text(page):
+    assert [text for text in re.findall(r"\[([^\]]+)\]\(", prose(page)) if text.endswith(".md")] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_no_table_has_an_empty_column(page):
+    tables = re.findall(r"(?:^\|.*\|\n)+", prose(page) + "\n", re.MULTILINE)
+    for table in tables:
+        _, _, *lines = ([cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in table.splitlines())
+        assert lines, table
+        assert all(any(column) for column in zip(*lines, strict=True)), table
