@@ -23,7 +23,8 @@ PRELOADED = (
     "mjplug.cli.doctor.command",
     "mjplug.cli.exit_codes",
     "mjplug.cli.topic_echo",
-    "mjplug.serving",
+    "mjplug.lifecycle.serve",
+    "mjplug.server.opening",
     "mjplug_plugins.external_wrench",
     "mjplug_plugins.heartbeat",
 )
