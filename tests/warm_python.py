@@ -24,7 +24,7 @@ PRELOADED = (
     "mjplug.cli.exit_codes",
     "mjplug.cli.topic_echo",
     "mjplug.lifecycle.serve",
-    "mjplug.server.opening",
+    "mjplug.server.prepared",
     "mjplug_plugins.external_wrench",
     "mjplug_plugins.heartbeat",
 )

@@ -14,8 +14,12 @@ points = [
 with connect() as client:
     states = client.subscribe("/joint_states", depth=1000)
     client.publish("/arm/joint_trajectory", {"joint_names": ["joint1", "joint2"], "points": points})
-    # 2 s, with 100 messages per second.
-    seen = [states.next(timeout=5.0) for _ in range(200)]
+    # 2 s, with 100 messages per second, from the first message in which a joint moves.
+    seen = []
+    while len(seen) < 200:
+        state = states.next(timeout=20.0)
+        if seen or max(abs(speed) for speed in state.velocity) > 0.01:
+            seen.append(state)
 
 for joint in ("joint1", "joint2"):
     angles = [state.position[state.name.index(joint)] for state in seen]

@@ -14,7 +14,7 @@ from pathlib import Path
 import warm_python
 from machine import BYTECODE
 
-STARTING = 40.0
+STARTING = 90.0
 """How long a server may take to become ready on a machine with other work [s]."""
 
 STOPPING = 5.0

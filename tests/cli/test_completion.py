@@ -4,11 +4,13 @@ import inspect
 import resource
 import subprocess
 import sys
+import time
 
 import pytest
-from cli.process import COMMAND, environment
+from cli.process import COMMAND, STARTING, environment
 
 from mjplug.cli import names, quick_completion
+from mjplug.cli.app import main as typer_main
 from mjplug.cli.service import app as service_app
 from mjplug.cli.topic import app as topic_app
 
@@ -17,10 +19,18 @@ def complete(*words, **variables):
     """Presses TAB after the last word, as bash does; returns the answers."""
     asking = {"COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1), "_MJPLUG_COMPLETE": "complete_bash"}
     done = subprocess.run(
-        COMMAND, env=environment({**asking, **variables}), capture_output=True, text=True, timeout=20.0, check=False
+        COMMAND, env=environment({**asking, **variables}), capture_output=True, text=True, timeout=STARTING, check=False
     )
     assert done.stderr == ""
     return done.stdout.split()
+
+
+def complete_live(*words, **variables):
+    """Presses TAB until there is an answer: on a busy machine, a server does not always answer within the second."""
+    until = time.monotonic() + STARTING
+    while not (found := complete(*words, **variables)):
+        assert time.monotonic() < until, words
+    return found
 
 
 def test_tab_completes_commands_flags_and_names_that_are_installed():
@@ -34,13 +44,13 @@ def test_tab_completes_live_names_in_less_than_a_quarter_of_a_second(tour):
     spent = []
     for _ in range(3):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT=tour.endpoint) == ["/clock"]
+        assert complete_live("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT=tour.endpoint) == ["/clock"]
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     # Time of the process itself: others may have the processor meanwhile.
     assert min(spent) < 0.25
     assert complete("mjplug", "service", "call", "/mjplug/set_pa", "-e", tour.endpoint) == []
-    found = complete("mjplug", "service", "call", "-e", tour.endpoint, "/mjplug/set_pa")
+    found = complete_live("mjplug", "service", "call", "-e", tour.endpoint, "/mjplug/set_pa")
     assert found == ["/mjplug/set_parameters", "/mjplug/set_parameters_atomically", "/mjplug/set_pause"]
 
 
@@ -54,7 +64,7 @@ def test_tab_imports_nothing_that_takes_time(tour):
     done = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "mjplug"],
         env=environment({**asking, "MJPLUG_CONNECT": tour.endpoint}),
-        capture_output=True, text=True, timeout=20.0, check=False,
+        capture_output=True, text=True, timeout=STARTING, check=False,
     )  # fmt: skip
     imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "zenoh" in imported
@@ -90,19 +100,24 @@ def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatc
         }  # fmt: skip
         for variable, value in asking.items():
             monkeypatch.setenv(variable, value)
+        expected = "/clock" if line == QUESTIONS[0] and not action else ""
+        quick, typed = (answered(answer, capsys, expected) for answer in (quick_completion.answer, typer_main))
+        assert quick == typed, line
+        assert ("/clock" in quick[0]) == bool(expected), line
+
+
+def answered(answer, capsys, expected):
+    """Returns what a shell is told, and the exit code; asks again while what is expected is missing."""
+    until = time.monotonic() + STARTING
+    while True:
         code = 0
         try:
-            assert quick_completion.answer()
+            answer()
         except SystemExit as end:
             code = end.code
-        quick = capsys.readouterr().out
-        typed = subprocess.run(
-            [sys.executable, "-c", "from mjplug.cli.app import main; main()"],
-            env=environment({**asking, "MJPLUG_CONNECT": tour.endpoint}),
-            capture_output=True, text=True, timeout=20.0, check=False,
-        )  # fmt: skip
-        assert (quick.strip(), code) == (typed.stdout.strip(), typed.returncode), line
-        assert ("/clock" in quick) == (line == QUESTIONS[0] and not action), line
+        printed = capsys.readouterr().out.strip()
+        if expected in printed or time.monotonic() > until:
+            return printed, code
 
 
 def test_what_cannot_be_answered_quickly_is_left_to_typer(monkeypatch):

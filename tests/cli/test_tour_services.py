@@ -2,10 +2,11 @@
 
 import json
 import re
+import time
 
 import pytest
 import yaml
-from cli.process import Served
+from cli.process import STARTING, Served
 
 from mjplug.client import connect
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
@@ -137,12 +138,21 @@ def test_a_world_is_reset(tour):
     assert said.startswith("error: /mjplug/reset_world refused: unknown keyframe 'lift', did you mean 'lifted'?")
 
 
+def measure(tour, enough):
+    """Measures the speed until it is as wanted: for a moment, other programs may have the processor."""
+    until = time.monotonic() + STARTING
+    while not enough(speed := json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"]):
+        assert time.monotonic() < until, speed
+
+
 def test_the_speed_is_shown_and_changed(tour):
     assert tour.ask("sim", "speed") == "1\n"
+    assert tour.ask("sim", "speed", "0.1") == "0.1\n"
+    measure(tour, lambda speed: 0.0 < speed < 0.2)
     assert tour.ask("sim", "speed", "4") == "4\n"
-    assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 2.0
+    measure(tour, lambda speed: 1.5 < speed < 5.0)
     assert tour.ask("sim", "speed", "max") == "max\n"
-    assert json.loads(tour.ask("sim", "state", "-o", "json"))["measured_speed"] > 5.0
+    measure(tour, lambda speed: speed > 1.5)
     assert "from 0.001 to 1000, or 'max', not -1.0" in tour.fail(7, "sim", "speed", "-1")
     assert "'fast' is neither a number nor max" in tour.fail(2, "sim", "speed", "fast")
     assert "'sim.speed': it must be a number from 0.001 to 1000, or 'max', not 0.0" in tour.fail(7, "sim", "speed", "0")

@@ -34,7 +34,7 @@ def ran(tmp_path_factory):
                 [sys.executable, "-W", "error", EXAMPLES / "run.py", name],
                 cwd=tmp_path_factory.mktemp("elsewhere"),
                 env={key: value for key, value in os.environ.items() if not key.startswith("MJPLUG_")},
-                capture_output=True, text=True, timeout=55, check=False,
+                capture_output=True, text=True, timeout=150, check=False,
             )  # fmt: skip
         return results[name]
 
