@@ -31,26 +31,26 @@ def importable(folder: Path) -> Iterator[None]:
         yield
 
 
-def import_plugin_module(name: str) -> ModuleType:
+def import_plugin_module(name: str, folder: Path | None = None) -> ModuleType:
     """Imports a module by its dotted name.
 
+    Args:
+        name: The name.
+        folder: The folder of the configuration that asks for it, which is `importable`; None if there is none.
+
     Raises:
-        PluginError: A module of this name was imported before, from a file other than the one that would be imported
-            now.
+        PluginError: The module, or one that it needs, has the name of a module that was imported for another server.
     """
-    top = name.partition(".")[0]
-    known = sys.modules.get(top)
-    if known is not None and (wrong := _another_file(top, known)):
-        raise PluginError(
-            f"module {top!r} of this process is {wrong[0]} already, so {wrong[1]} cannot be imported; rename one of "
-            "the two files, or run the two servers in two processes"
-        )
+    with _lock:
+        others = [other for path, other in _folders.items() if folder is None or path != str(folder)]
+        _move_behind(folder, others)
+        _refuse_another_file(name.partition(".")[0], folder, others)
     before = set(sys.modules)
     module = importlib.import_module(name)
     new = {found: sys.modules[found] for found in set(sys.modules) - before if found in sys.modules}
     with _lock:
-        for folder in _folders.values():
-            folder.note(new)
+        for known in _folders.values():
+            known.note(new)
     return module
 
 
@@ -58,55 +58,82 @@ _lock = threading.Lock()
 
 
 class _Folder(SharedChange):
-    """A folder on `sys.path`, and the modules that plugins were imported from."""
+    """A folder on `sys.path`.
+
+    Attributes:
+        path: The folder.
+        added: Whether it is on `sys.path` because of a server.
+        modules: Names of the modules in it that were imported for plugins.
+    """
 
     def __init__(self, path: str) -> None:
         super().__init__(self._add)
-        self._path = path
-        self._modules: set[str] = set()
-        self._added = False
+        self.path = path
+        self.modules: set[str] = set()
+        self.added = False
 
     def note(self, modules: dict[str, ModuleType]) -> None:
         """Notes those of some newly imported modules that lie in the folder."""
-        if self._added:
-            inside = f"{self._path.rstrip('/')}/"
-            self._modules |= {name for name, module in modules.items() if (_file(module) or "").startswith(inside)}
+        if self.added:
+            self.modules |= {name for name, module in modules.items() if _is_in(_file(module), Path(self.path))}
 
     def _add(self) -> Undo:
-        if self._path in sys.path:
+        if self.path in sys.path:
             return _nothing
-        sys.path.append(self._path)
+        sys.path.append(self.path)
         # A file may have been written a moment ago.
         importlib.invalidate_caches()
-        self._added = True
+        self.added = True
         return self._remove
 
     def _remove(self) -> None:
-        self._added = False
+        self.added = False
         # Somebody else may have taken it out.
-        if self._path in sys.path:
-            sys.path.remove(self._path)
-        for name in self._modules:
+        if self.path in sys.path:
+            sys.path.remove(self.path)
+        for name in self.modules:
             sys.modules.pop(name, None)
-        self._modules.clear()
+        self.modules.clear()
 
 
 _folders: dict[str, _Folder] = {}
 
 
-def _another_file(name: str, known: ModuleType) -> tuple[str, str] | None:
-    """Returns where a module came from and where an import would take it from now, if these are two files."""
-    if name == "__main__":
-        return None
-    spec = importlib.machinery.PathFinder.find_spec(name)
-    file = _file(known)
-    # Built-in modules, namespace packages, and those that other finders provide have no file to compare.
-    if file is None or spec is None or spec.origin is None or not spec.has_location:
-        return None
-    return None if Path(spec.origin).resolve() == Path(file).resolve() else (file, spec.origin)
+def _move_behind(folder: Path | None, others: list[_Folder]) -> None:
+    """Puts the folders of other servers behind this one on `sys.path`."""
+    theirs = [other.path for other in others if other.added]
+    if folder is not None and str(folder) in sys.path:
+        sys.path[:] = [path for path in sys.path if path not in theirs] + theirs
 
 
-def _file(module: ModuleType) -> str | None:
+def _refuse_another_file(top: str, folder: Path | None, others: list[_Folder]) -> None:
+    theirs = {other.path for other in others if other.added}
+    path = [entry for entry in sys.path if entry not in theirs]
+    names = [top]
+    if folder is not None and _is_in(_origin(top, path), folder):
+        # What it imports may have the name of something that the plugins of another server have imported.
+        names += [name for other in others for name in sorted(other.modules) if "." not in name]
+    for name in names:
+        file, origin = _file(sys.modules.get(name)), _origin(name, path)
+        if name == "__main__" or file is None or origin is None or Path(origin).resolve() == Path(file).resolve():
+            continue
+        raise PluginError(
+            f"module {name!r} of this process is {file} already, so {origin} cannot be imported; rename one of the two "
+            "files, or run the two servers in two processes"
+        )
+
+
+def _origin(name: str, path: list[str]) -> str | None:
+    """Returns the file that an import would read; None for built-in modules, namespace packages and the like."""
+    spec = importlib.machinery.PathFinder.find_spec(name, path)
+    return spec.origin if spec is not None and spec.has_location else None
+
+
+def _is_in(file: str | None, folder: Path) -> bool:
+    return file is not None and Path(file).is_relative_to(folder)
+
+
+def _file(module: ModuleType | None) -> str | None:
     return getattr(module, "__file__", None)
 
 

@@ -1,6 +1,7 @@
 """Finds plugin classes by the names configuration files use: entry points, or `module:Class`."""
 
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 from mjplug.errors import PluginError, UnknownName
@@ -16,8 +17,12 @@ def registered() -> dict[str, EntryPoint]:
     return {point.name: point for point in sorted(entry_points(group=GROUP), key=lambda p: p.name)}
 
 
-def find(type_name: str) -> type[Plugin[Any]]:
+def find(type_name: str, folder: Path | None = None) -> type[Plugin[Any]]:
     """Returns the plugin class of a name: `heartbeat`, `mujoco_ros2_control_plugins/CameraPlugin`, `module:Class`.
+
+    Args:
+        type_name: The name.
+        folder: The folder of the configuration that it stands in, which is `importable`; None if there is none.
 
     Raises:
         UnknownName: No such plugin is registered.
@@ -32,7 +37,7 @@ def find(type_name: str) -> type[Plugin[Any]]:
         raise UnknownName("plugin type", type_name, points)
     module_name, _, class_name = target.partition(":")
     try:
-        module = import_plugin_module(module_name)
+        module = import_plugin_module(module_name, folder)
     except PluginError as error:
         raise PluginError(f"plugin {type_name!r}: {error}") from error
     except Exception as error:

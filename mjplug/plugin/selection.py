@@ -47,7 +47,7 @@ def select(draft: Draft, classes: Classes = MappingProxyType({})) -> tuple[Loade
     for name, entry in draft.plugins.items():
         try:
             with importable(draft.folder):
-                plugin_class = classes.get(entry.type) or registry.find(entry.type)
+                plugin_class = classes.get(entry.type) or registry.find(entry.type, draft.folder)
             parameters = plugin_class.parameters_type.model_validate(entry.parameters)
         except (UnknownName, PluginError) as error:
             problems.append(draft.problem(("plugins", name, "type"), str(error)))
