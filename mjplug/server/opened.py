@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from time import monotonic, perf_counter
 
+from mjplug.config.instance_names import instance_names
 from mjplug.errors import MjplugError, RequestError
 from mjplug.server.local_calls import LocalCalls
 from mjplug.server.prepared import Prepared
@@ -22,6 +23,7 @@ from mjplug.wire.network import Network, open_network
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.secured import secured
 from mjplug.wire.session import SessionSettings
+from mjplug.wire.shared_names import TRANSFORMS
 from mjplug.wire.topic_rates import TopicRates
 from mjplug.worker.pool import ProcessWorkerPool
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
@@ -71,6 +73,8 @@ class OpenedServer:
             self.server.loop.on_second.insert(0, rates.look)
             self.server.diagnostics.add("wire", WireDiagnostics(self.network).diagnose)
             self.server.diagnostics.add("topics", rates.diagnose)
+            has_prefix = any(instance_names(settings, name).frame_prefix for name in settings.plugins)
+            self.network.watch_shared_names((TRANSFORMS,) if has_prefix else ())
             self._reason = "the server is stopping"
             self._closing = closing.pop_all()
 

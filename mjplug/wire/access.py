@@ -15,6 +15,7 @@ from mjplug.wire.identity import TOKENS
 from mjplug.wire.plain import key_of
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.tokens import ROOT
+from mjplug.wire.shared_names import READY
 from mjplug_schemas import names
 
 READ_ONLY: Final = frozenset(
@@ -47,6 +48,7 @@ EVERYTHING: Final = (
     f"**/@json/{HISTORY}/**",
     f"**/{VIEW}/**",
     f"{TOKENS}/**",
+    f"{TOKENS}/**/{READY}",
     f"{ROOT}/**",
 )
 """`*` and `**` match no chunk that begins with `@`."""

@@ -46,12 +46,12 @@ def refuse_duplicate(session: zenoh.Session, name: str) -> None:
         if _answers(session, name, until - time.monotonic()):
             raise WireError(
                 f"a server named {name} is already on this network (Zenoh id {holder}); "
-                "stop it, or give this one another node_name or namespace"
+                "stop it, or give this one another namespace, such as --set namespace=robot2"
             )
         if time.monotonic() >= until:
             _LOG.warning(
                 "Zenoh id %s announces a server named %s, but no such server answered within %g s: starting all the "
-                "same. If a server of this name hangs, stop it, or give this one another node_name or namespace",
+                "same. If a server of this name hangs, stop it, or give this one another namespace",
                 holder,
                 name,
                 _CHALLENGE,
@@ -101,7 +101,7 @@ def claim(session: zenoh.Session, name: str) -> Claim:
         if sample.kind == zenoh.SampleKind.PUT and (other := _holder(sample)) != own:
             others.add(
                 f"another server named {name} has appeared on this network (Zenoh id {other}): requests may reach "
-                "either; stop one of them, or give it another node_name or namespace"
+                "either; stop one of them, or give it another namespace"
             )
 
     liveliness = session.liveliness()

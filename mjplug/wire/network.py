@@ -1,7 +1,7 @@
 """The transport of the server: one Zenoh session, and the dialects that speak on it."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, TypeVar
@@ -20,6 +20,7 @@ from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.node_services import offer_node_services
 from mjplug.wire.service import ServiceServer
 from mjplug.wire.session import SessionSettings, WireSession, open_session
+from mjplug.wire.shared_names import SharedNamesWatch
 from mjplug.wire.subscription import Subscription
 from mjplug_schemas.message import Message
 
@@ -64,6 +65,7 @@ class Network:
         self._interfaces = InterfacesQueryable(session.zenoh, listing, self._refresh)
         # After the queryable: a client that sees the token may ask its holder at once.
         self._claim = identity.claim(session.zenoh, name)
+        self._shared: SharedNamesWatch | None = None
 
     @property
     def listing(self) -> Listing:
@@ -129,6 +131,14 @@ class Network:
         entry = ServiceEntry(service, keys)
         self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
 
+    def watch_shared_names(self, exempt: Iterable[str] = ()) -> None:
+        """Tells other servers that everything is declared, and warns about names that they and this one share.
+
+        Args:
+            exempt: Types of topics that this server may share with others.
+        """
+        self._shared = SharedNamesWatch(self.session.zenoh, lambda: self.listing, exempt)
+
     def refused(self) -> dict[str, int]:
         """Returns how many messages and requests could not be read, by the name of the topic or service."""
         counts: Counter[str] = Counter()
@@ -154,6 +164,9 @@ class Network:
             dialect.close()
         self.open_calls.close(reason)
         self.session.close()
+        if self._shared is not None:
+            # After the session, whose end also ends a request that waits.
+            self._shared.close()
 
     def _refresh(self, key: str) -> bool:
         """Brings the publishers of a key up to date; returns whether one of them knows of a subscriber. Any thread."""

@@ -26,6 +26,9 @@ def test_a_second_server_on_the_same_port_joins_the_first(first, serve, connect)
     assert client.do("second/set_pause", paused=True) == "the simulation is now paused"
     assert client.do("mjplug/set_pause", paused=False) == "the simulation is already running"
     assert client.ask("second/interfaces")["name"] == "/second"
+    # Another node_name leaves the other names as they are, which both say.
+    for server, other in ((first, "/second"), (second, "/mjplug")):
+        assert server.err.wait_for(f"warning: this server and {other} on the same network use the same names: .*/clock")
     assert second.stop() == 0
     assert first.running
 
@@ -34,7 +37,7 @@ def test_a_second_server_of_the_same_name_is_refused_with_the_way_out(first, cli
     done = cli("serve", "bundled:box", "--quiet", "--listen", first.endpoint)
     assert (done.returncode, done.stdout) == (5, "")
     assert done.stderr.startswith("error: a server named /mjplug is already on this network (Zenoh id ")
-    assert done.stderr.endswith("stop it, or give this one another node_name or namespace\n")
+    assert done.stderr.endswith("stop it, or give this one another namespace, such as --set namespace=robot2\n")
     with Client(first.endpoint) as client:
         assert client.do("mjplug/set_pause", paused=False) == "the simulation is already running"
 

@@ -82,7 +82,7 @@ def test_a_second_server_of_the_same_name_is_refused(network, new_network):
     sentence = str(refused.value)
     assert sentence.startswith("a server named /mjplug is already on this network (Zenoh id ")
     assert str(network.session.zenoh.zid()) in sentence
-    assert sentence.endswith("stop it, or give this one another node_name or namespace")
+    assert sentence.endswith("stop it, or give this one another namespace, such as --set namespace=robot2")
     network.close()
     new_network("/mjplug", listen=network.session.listening)
 

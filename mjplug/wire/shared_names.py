@@ -1,0 +1,190 @@
+"""Warns about topics and services that two servers of one network have under the same name.
+
+Each server declares a second liveliness token, `@mjplug/<namespace>/<node_name>/<Zenoh id>/@ready`, once everything
+else is declared. A server that sees the token of another one asks it for its interfaces, once. So both of two servers
+notice, whichever starts first and also if they start at the same moment or join their networks later.
+"""
+
+import json
+import logging
+import queue
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from mjplug.wire.identity import TOKENS
+from mjplug.wire.interfaces import Listing
+from mjplug_schemas.errors import NameRuleError
+from mjplug_schemas.names import key, validate_name
+
+READY = "@ready"
+"""Last chunk of the token; a verbatim one, which `@mjplug/**` does not match."""
+
+BY_CONVENTION = ("rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "diagnostic_msgs/msg/DiagnosticArray")
+"""Types of topics that many nodes publish together in ROS: each message names its sender."""
+
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+"""Servers may share a topic of transforms if their frames have different prefixes."""
+
+_ANSWER_TIMEOUT = 2.0
+"""How long to wait for the interfaces of another server [s]; they take milliseconds."""
+
+_MAX_ANSWER = 4 << 20
+"""The longest list of interfaces that is read [bytes]."""
+
+_MAX_SERVERS = 200
+"""How many tokens are looked at; any program on the network can declare any number of them."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class SharedNames:
+    """What two servers have under the same name.
+
+    Attributes:
+        published: Topics that both publish.
+        subscribed: Topics that both subscribe to.
+        services: Services that both offer.
+    """
+
+    published: tuple[str, ...]
+    subscribed: tuple[str, ...]
+    services: tuple[str, ...]
+
+    def sentence(self, own: str, other: str) -> str:
+        """Returns the warning for the server named `own`; empty if nothing is shared."""
+        parts = [
+            f"{what} {', '.join(names)}"
+            for what, names in (
+                ("both publish", self.published),
+                ("both subscribe to", self.subscribed),
+                ("both offer the service", self.services),
+            )
+            if names
+        ]
+        if not parts:
+            return ""
+        ways = []
+        if own.rpartition("/")[0] == other.rpartition("/")[0]:
+            ways.append(
+                "give one of them another namespace, such as --set namespace=robot2, which moves all names that "
+                "are not absolute"
+            )
+            absolute = [name for name in self.published if name == "/clock"]
+        else:
+            absolute = [*self.published, *self.subscribed, *self.services]
+        if absolute:
+            ways.append(
+                f"give absolute names a place in the namespace, such as --set 'remap.{absolute[0]}={{ns}}{absolute[0]}'"
+            )
+        return f"this server and {other} on the same network use the same names: {'; '.join(parts)}. " + (
+            f"Clients cannot tell the two apart: {', and '.join(ways)}"
+        )
+
+
+def shared_names(listing: Listing, other: Any, exempt: Iterable[str] = ()) -> SharedNames:
+    """Returns what a server shares with another one.
+
+    Args:
+        listing: The server's own interfaces.
+        other: Those of the other server, as decoded from its JSON; nothing in it is trusted.
+        exempt: Types of topics that both may publish.
+    """
+    theirs: dict[str, set[str]] = {"published": set(), "subscribed": set()}
+    for entry in other["topics"]:
+        theirs[entry["direction"]].add(entry["name"])
+    offered = {entry["name"] for entry in other["services"]}
+    ours = [(entry.direction, entry.topic) for entry in listing.topics]
+    fine = {*BY_CONVENTION, *exempt}
+    return SharedNames(
+        _in_order(t.name for d, t in ours if d == "published" and t.name in theirs[d] and t.type.TYPE not in fine),
+        _in_order(t.name for d, t in ours if d == "subscribed" and t.name in theirs[d]),
+        _in_order(entry.service.name for entry in listing.services if entry.service.name in offered),
+    )
+
+
+class SharedNamesWatch:
+    """Declares that a server is ready, and warns about names that it shares with other servers.
+
+    Args:
+        session: The server's session.
+        listing: Returns the server's interfaces, all of which are declared.
+        exempt: Types of topics that this server may share.
+    """
+
+    def __init__(self, session: zenoh.Session, listing: Callable[[], Listing], exempt: Iterable[str] = ()) -> None:
+        self._session = session
+        self._listing = listing
+        self._exempt = tuple(exempt)
+        self._own = str(session.zid())
+        self._seen: set[str] = set()
+        self._told: dict[str, str] = {}
+        self._waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        # Requests are sent and answered here: Zenoh's threads must not wait.
+        self._thread = threading.Thread(target=self._run, name="shared names", daemon=True)
+        self._thread.start()
+        liveliness = session.liveliness()
+        self._token = liveliness.declare_token(f"{TOKENS}{listing().name}/{self._own}/{READY}")
+        handler = Callback(self._appeared, indirect=False)
+        self._subscriber = liveliness.declare_subscriber(f"{TOKENS}/**/{READY}", handler, history=True)
+
+    def close(self) -> None:
+        """Ends the watch; a second call does nothing."""
+        self._waiting.put(None)
+        self._thread.join(_ANSWER_TIMEOUT)
+
+    def _appeared(self, sample: zenoh.Sample) -> None:
+        token = str(sample.key_expr)
+        if sample.kind != zenoh.SampleKind.PUT:
+            self._seen.discard(token)
+        elif token not in self._seen and len(self._seen) < _MAX_SERVERS:
+            self._seen.add(token)
+            self._waiting.put(token)
+
+    def _run(self) -> None:
+        while (token := self._waiting.get()) is not None:
+            name, holder = _parts(token)
+            if holder == self._own or name == self._listing().name:
+                # Another server of the same name is reported where names are claimed.
+                continue
+            try:
+                validate_name(name)
+                self._compare(name)
+            except NameRuleError:
+                # No server has such a name.
+                continue
+            except zenoh.ZError as error:
+                _log.debug("server %s could not be asked for its interfaces: %s", name, error)
+
+    def _compare(self, name: str) -> None:
+        for reply in self._session.get(
+            f"{key(name)}/interfaces", consolidation=zenoh.ConsolidationMode.NONE, timeout=_ANSWER_TIMEOUT
+        ):
+            if reply.ok is None or len(reply.ok.payload) > _MAX_ANSWER:
+                continue
+            try:
+                found = shared_names(self._listing(), json.loads(reply.ok.payload.to_bytes()), self._exempt)
+            except (ValueError, KeyError, TypeError, RecursionError) as error:
+                _log.warning("what server %s on this network answers is no list of interfaces: %r", name, error)
+                return
+            sentence = found.sentence(self._listing().name, name)
+            # Not again for a server that restarts.
+            if sentence and self._told.get(name) != sentence:
+                self._told[name] = sentence
+                _log.warning("%s", sentence)
+            return
+
+
+def _parts(token: str) -> tuple[str, str]:
+    """Returns the server's name and Zenoh id in a token."""
+    name, _, holder = token.removeprefix(TOKENS).removesuffix(f"/{READY}").rpartition("/")
+    return name, holder
+
+
+def _in_order(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted(set(names)))
