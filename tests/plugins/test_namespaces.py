@@ -5,11 +5,11 @@ import pytest
 from fakes import FakeTransport, InlineWorkers
 
 from mjplug.config.settings import Settings
-from mjplug.core.simulation import Simulation
-from mjplug.offline import OfflineWorkers
+from mjplug.physics.simulation import Simulation
 from mjplug.plugin.registry import find
 from mjplug.plugin.selection import Selected
-from mjplug.server import Server
+from mjplug.server.offline import OfflineWorkerPool
+from mjplug.server.server import Server
 from mjplug_schemas.message import Message
 
 ROBOT = """
@@ -56,7 +56,7 @@ ABSOLUTE = {"/clock", "/diagnostics", "/rosout"}
 def start(request):
     """Starts plugins in a server without threads, and returns its transport."""
 
-    def start(plugins, workers=OfflineWorkers, **settings):
+    def start(plugins, workers=OfflineWorkerPool, **settings):
         settings = Settings.model_validate({"model": "?", "plugins": plugins, **settings})
         selected = [
             Selected(name, cls := find(entry.type), cls.parameters_type.model_validate(entry.parameters))
@@ -189,7 +189,7 @@ def test_the_prefix_of_an_instance_replaces_that_of_the_server(start, settings, 
     assert message.header.frame_id == frame
 
 
-class KeptOrders(OfflineWorkers):
+class KeptOrders(OfflineWorkerPool):
     """Keeps what plugins hand to worker processes."""
 
     def __init__(self, orders):
