@@ -1,23 +1,27 @@
-"""Drives two robots, each in a server of its own, over one connection.
+"""Drives two robots through one connection. Each robot has its own server.
 
-Usage: python drive.py      (the first server is where MJPLUG_CONNECT says, else at tcp/127.0.0.1:7447)
+Usage: python drive.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0.0.1:7447)
 """
 
 import math
+import sys
 
-from mjplug.client import connect
+from mjplug.client import TimedOutError, connect
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 
 SPEEDS = {"red": 1.0, "blue": 0.5}
 
 with connect(server="/red/mjplug") as client:
-    for robot in SPEEDS:
-        client.wait_for(f"/{robot}/cmd_vel")
+    try:
+        for robot in SPEEDS:
+            client.wait_for(f"/{robot}/cmd_vel")
+    except TimedOutError as error:
+        sys.exit(f"{error}; start both servers: mjplug serve config.yaml --set namespace=red, and the same with blue")
     print("servers:", ", ".join(sorted(client.nodes())))
     shared = {name for name, topic in client.topics().items() if len(topic.publishers) > 1}
     print("published by both:", ", ".join(sorted(shared)))
 
-    # Of all robots, on one topic: the frames tell which.
+    # Both robots publish on this topic; their frames have different prefixes.
     transforms = client.subscribe("/tf", depth=1000)
     odometry = {robot: client.subscribe(f"/{robot}/odom", depth=1000) for robot in SPEEDS}
     scans = {robot: client.subscribe(f"/{robot}/scan") for robot in SPEEDS}
@@ -29,7 +33,7 @@ with connect(server="/red/mjplug") as client:
             path[robot] += [odometry[robot].next(timeout=10.0) for _ in range(10)]
 
     for robot, messages in path.items():
-        # Each robot's own time, since each server has one of its own.
+        # Each server has its own simulated time, so the stamps of one robot are compared with each other only.
         times = [message.header.stamp.to_ns() / 1e9 for message in messages]
         places = [message.pose.pose.position.x for message in messages]
         speeds = [(places[i + 1] - places[i]) / (times[i + 1] - times[i]) for i in range(len(messages) - 1)]
