@@ -27,9 +27,9 @@ from mjplug.server.server import Server
 from mjplug.wire.session import SessionSettings
 from mjplug.worker.pool import ProcessWorkerPool
 from mjplug_plugins.camera import Camera
-from mjplug_plugins.camera.gl import BACKEND, GlContext
+from mjplug_plugins.camera.gl import BACKEND_VARIABLE, GlContext
 from mjplug_plugins.camera.view import View, camera_names, intrinsics_of
-from mjplug_plugins.camera.work import CameraWork, Look, stream_task
+from mjplug_plugins.camera.work import CameraWork, RenderOptions, stream_task
 
 WIDTH, HEIGHT = 640, 480
 
@@ -45,7 +45,7 @@ TOPICS = ("color", "depth", "camera_info")
 def results() -> list[Result]:
     """Drawing first, in a process of its own as in the server; then physics beside it."""
     # Read when MuJoCo is imported, so it takes a new process.
-    os.environ[BACKEND] = os.environ.setdefault("MUJOCO_GL", "egl")
+    os.environ[BACKEND_VARIABLE] = os.environ.setdefault("MUJOCO_GL", "egl")
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         drawn = [result for uri in ("bundled:arm", "bundled:quadruped") for result in pool.submit(_drawn, uri).result()]
     return [*drawn, *_beside_physics("bundled:arm")]
@@ -105,7 +105,7 @@ class _Ours:
         model = self._scenes.model
         name, camera = next(iter(camera_names(model).items()))
         view = View(name, name, camera, WIDTH, HEIGHT, "frame", intrinsics_of(model, camera, WIDTH, HEIGHT), "none")
-        self._work = CameraWork([view], Look())
+        self._work = CameraWork([view], RenderOptions())
         self._work.open(
             model, [FramePublisher(matched) for matched in (True, True, True, False, False)], logging.getLogger()
         )

@@ -11,7 +11,7 @@ from machine import lacking
 from mjplug.errors import MjplugError
 from mjplug.plugin import UnavailableError
 from mjplug_plugins.camera import Camera
-from mjplug_plugins.camera.gl import BACKEND, GlContext
+from mjplug_plugins.camera.gl import BACKEND_VARIABLE, GlContext
 
 DT = 0.002
 
@@ -109,7 +109,7 @@ def need_opengl():
     reasons = []
     for backend in ("egl", "osmesa"):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setenv(BACKEND, backend)
+            patch.setenv(BACKEND_VARIABLE, backend)
             patch.setenv("PYOPENGL_PLATFORM", backend)
             try:
                 GlContext(16, 16).close()
@@ -125,6 +125,6 @@ def gl():
     """OpenGL in this process, through whatever there is."""
     backend = need_opengl()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(BACKEND, backend)
+        patch.setenv(BACKEND_VARIABLE, backend)
         patch.setenv("PYOPENGL_PLATFORM", backend)
         yield backend

@@ -1,4 +1,4 @@
-"""Publishes where a base is and how it moves, as if it knew exactly."""
+"""Publishes the exact pose and velocity of a robot base."""
 
 from typing import Annotated, Literal
 
@@ -25,30 +25,31 @@ _WXYZ = "wxyz"
 class OdometryParameters(Parameters):
     """Parameters of OdometryPublisher."""
 
-    body: str = Field(default="", description="Body of the base; empty is the only one with a free joint.")
+    body: str = Field(default="", description="Body of the base; empty: the only body with a free joint.")
     topic: str = Field(default="{ns}/odom", description="Topic name.")
     rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")
     frame_id: str = Field(default="odom", description="Frame of the pose.")
     child_frame_id: str = Field(
-        default="", description="Frame of the base, and of the twist; empty is the body's name."
+        default="", description="Frame of the base and of the twist; empty: the name of the body."
     )
     origin: Literal["world", "start"] = Field(
-        default="world", description="Where the frame is: in the world's place, or where the base is after each reset."
+        default="world",
+        description="Origin of the pose: the world frame, or the pose of the base after each reset (`start`).",
     )
-    publish_tf: bool = Field(default=False, description="Whether the pose is published on `tf_topic` too.")
+    publish_tf: bool = Field(default=False, description="Whether the pose is also published on `tf_topic`.")
     tf_topic: str = Field(default="{ns}/tf", description="Topic of the transform.")
     pose_covariance: Diagonal = Field(
-        default=(0.0,) * 6, description="Variances of x, y, z and of the turns about them [m², rad²]."
+        default=(0.0,) * 6, description="Variances of x, y, z and of the rotations about x, y, z [m², rad²]."
     )
     twist_covariance: Diagonal = Field(
-        default=(0.0,) * 6, description="Variances of the velocities along x, y, z and about them [(m/s)², (rad/s)²]."
+        default=(0.0,) * 6, description="Variances of the velocities along and about x, y, z [(m/s)², (rad/s)²]."
     )
 
 
 class OdometryPublisher(Plugin[OdometryParameters]):
-    """Publishes pose and velocity of a base as `nav_msgs/Odometry`, both velocities in the base's own frame.
+    """Publishes pose and velocity of a base as `nav_msgs/Odometry`; the velocities are in the frame of the base.
 
-    The base is any body: with a free joint, or on slides and hinges. The numbers are those of the stamp, without error.
+    The base is any body, with a free joint or on slides and hinges. The values are exact and belong to the stamp.
     """
 
     def init(self, host: Host, parameters: OdometryParameters) -> None:
@@ -86,9 +87,9 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         )
 
     def on_reset(self) -> None:
-        """Takes the new pose for the origin, if it is to be the start."""
+        """Sets the origin to the new pose, if `origin` is `start`."""
         if self._from_start:
-            self._base.take_origin()
+            self._base.set_origin()
 
     def _publish(self) -> None:
         base, time_ns = self._base, self._host.time_ns
@@ -106,13 +107,13 @@ class OdometryPublisher(Plugin[OdometryParameters]):
 
 
 class _Base:
-    """A body as odometry sees it.
+    """Computes pose and velocity of a body.
 
     Attributes:
-        position: In the origin's axes [m], shape (3,).
-        quat_wxyz: Its turn in the origin's frame, shape (4,).
-        linear: Velocity of its own origin, in its own axes [m/s], shape (3,).
-        angular: Angular velocity, in its own axes [rad/s], shape (3,).
+        position: Position relative to the origin, in the axes of the origin, shape (3,) [m].
+        quat_wxyz: Orientation relative to the origin (w, x, y, z), shape (4,).
+        linear: Velocity of the body frame's origin, in body axes, shape (3,) [m/s].
+        angular: Angular velocity in body axes, shape (3,) [rad/s].
     """
 
     def __init__(self, host: Host, body: int) -> None:
@@ -120,20 +121,20 @@ class _Base:
         self._host, self._body = host, body
         self._xpos, self._xquat = data.xpos[body], data.xquat[body]
         self._xmat = data.xmat[body].reshape(3, 3)
-        free = {found.body: found.dof for found in free_bodies(host.model)}
+        free = {base.body: base.dof for base in free_bodies(host.model)}
         self._qvel = data.qvel[free[body] : free[body] + 6] if body in free else None
         self._jacobians = np.zeros((2, 3, host.model.nv))
         self._origin: tuple[Array, Array, Array] | None = None
         self.position, self.quat_wxyz = np.zeros(3), np.zeros(4)
         self.linear, self.angular = np.zeros(3), np.zeros(3)
 
-    def take_origin(self) -> None:
-        """Takes the present pose for the origin."""
+    def set_origin(self) -> None:
+        """Sets the origin to the current pose."""
         self._host.kinematics()
         self._origin = self._xpos.copy(), self._xmat.copy(), self._xquat * (1.0, -1.0, -1.0, -1.0)
 
     def read(self) -> None:
-        """Brings everything up to the current state."""
+        """Computes the attributes for the current state."""
         self._host.kinematics()
         if self._origin is None:
             self.position, self.quat_wxyz = self._xpos, self._xquat
@@ -142,7 +143,7 @@ class _Base:
             self.position = (self._xpos - begin) @ axes
             mujoco.mju_mulQuat(self.quat_wxyz, inverse, self._xquat)
         if self._qvel is not None:
-            # A free joint has its linear velocity in the world's axes, its angular velocity in the body's.
+            # The linear velocity of a free joint is in world axes, the angular velocity in body axes.
             self.linear, self.angular = self._qvel[:3] @ self._xmat, self._qvel[3:]
         else:
             model, data = self._host.model, self._host.data
@@ -155,15 +156,15 @@ def _only_free_body(host: Host) -> str:
     """Returns the name of the only body with a free joint.
 
     Raises:
-        PluginError: There is none, there are several, or it has no name.
+        PluginError: There is no such body, there are several, or it has no name.
     """
     named = [body.name for body in free_bodies(host.model)]
     if len(named) == 1 and named[0]:
         return named[0]
     if not named:
-        raise PluginError("the model has no body with a free joint; give body, the one to publish")
-    names = ", ".join(name or "one without a name" for name in named)
-    raise PluginError(f"give body, the one to publish; with a free joint there are: {names}")
+        raise PluginError("the model has no body with a free joint; set `body` to the body to publish")
+    names = ", ".join(name or "a body without a name" for name in named)
+    raise PluginError(f"set `body` to the body to publish; bodies with a free joint: {names}")
 
 
 def _on_diagonal(variances: tuple[float, ...]) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""Publishes groups of MuJoCo's rangefinder sensors as laser scans; for models that were made for this."""
+"""Publishes groups of MuJoCo rangefinder sensors as laser scans, for models that contain one rangefinder per ray."""
 
 import math
 import re
@@ -20,9 +20,9 @@ _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 _RAY_NAME = re.compile(r"(.+)-(\d+)", re.ASCII)
 
 _TOLERANCE = 1e-3
-"""A last ray that misses `max_angle` by less is still meant; angles in files are rounded [increments]."""
+"""The last ray may miss `max_angle` by this much, because angles in files are rounded [increments]."""
 
-_MOST_NAMES = 20
+_MAX_NAMES = 20
 
 
 class LidarParameters(Parameters):
@@ -30,8 +30,8 @@ class LidarParameters(Parameters):
 
     frame_name: str = Field(description="Frame of the scan.")
     min_angle: float = Field(description="Angle of ray 0 [rad].")
-    max_angle: float = Field(description="Angle up to which there are rays [rad].")
-    angle_increment: float = Field(description="Angle from one ray to the next [rad].")
+    max_angle: float = Field(description="Angle of the last ray, or a limit for it [rad].")
+    angle_increment: float = Field(description="Angle between two rays [rad].")
     range_min: float = Field(default=0.0, ge=0, description="Shortest distance that can be measured [m].")
     range_max: float = Field(
         default=1000.0, gt=0, validate_default=True, description="Longest distance that can be measured [m]."
@@ -40,12 +40,12 @@ class LidarParameters(Parameters):
 
     @property
     def rays(self) -> int:
-        """The number of rays from `min_angle` to `max_angle`, both included."""
+        """Number of rays from `min_angle` to `max_angle`, both included."""
         return math.floor(self._increments + _TOLERANCE) + 1
 
     @property
-    def rays_without_rounding(self) -> int:
-        """The same, without allowing for the rounding of floats: how models were made that have one ray too few."""
+    def truncated_rays(self) -> int:
+        """The same number truncated, without the tolerance; models generated this way contain one ray too few."""
         return int(self._increments) + 1
 
     @property
@@ -56,40 +56,40 @@ class LidarParameters(Parameters):
     @classmethod
     def _leads_to_max_angle(cls, increment: float, info: ValidationInfo) -> float:
         if not increment:
-            raise ValueError("Input should not be 0")
+            raise ValueError("angle_increment must not be 0")
         if {"min_angle", "max_angle"} <= info.data.keys():
             low, high = info.data["min_angle"], info.data["max_angle"]
             if (high - low) / increment < 0:
-                raise ValueError(f"{increment:g} does not lead from min_angle = {low:g} to max_angle = {high:g}")
+                raise ValueError(f"{increment:g} has the wrong sign: min_angle is {low:g} and max_angle is {high:g}")
             if not math.isfinite((high - low) / increment):
-                raise ValueError(f"{increment:g} is too small for the way from min_angle to max_angle")
+                raise ValueError(f"{increment:g} is too small: the number of rays is not finite")
         return increment
 
     @field_validator("range_max")
     @classmethod
     def _above_range_min(cls, range_max: float, info: ValidationInfo) -> float:
         if range_max <= info.data.get("range_min", 0.0):
-            raise ValueError(f"{range_max:g} is not above range_min, which is {info.data['range_min']:g}")
+            raise ValueError(f"range_max ({range_max:g}) must be above range_min ({info.data['range_min']:g})")
         return range_max
 
 
 class RangefinderLidarParameters(Parameters):
-    """Parameters of RangefinderLidar; every other name is that of a lidar, with LidarParameters below it."""
+    """Parameters of RangefinderLidar; every other key is the name of a lidar and contains LidarParameters."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Annotated[LidarParameters, NestedParameters]]
 
     lidar_publish_rate: float = Field(
-        default=5.0, gt=0, description="Scans per second of simulated time, of every lidar [Hz]."
+        default=5.0, gt=0, description="Scans per second of simulated time, for every lidar [Hz]."
     )
 
 
 class RangefinderLidar(Plugin[RangefinderLidarParameters]):
     """Publishes rangefinder sensors named `<lidar>-0`, `<lidar>-1`, … as one `sensor_msgs/LaserScan`.
 
-    For each lidar, its name with `frame_name`, `min_angle`, `max_angle` and `angle_increment` [rad], and optionally
-    `range_min`, `range_max` [m] and `laserscan_topic`. A range is infinite where nothing is in range, and minus
-    infinite where something is too close. A scan belongs to the very state of its stamp.
+    Each lidar is configured under its name with `frame_name`, `min_angle`, `max_angle` and `angle_increment` [rad], and
+    optionally `range_min`, `range_max` [m] and `laserscan_topic`. A range is inf if nothing is in range, and -inf if
+    something is too close. A scan shows the state at its stamp.
     """
 
     def init(self, host: Host, parameters: RangefinderLidarParameters) -> None:
@@ -98,7 +98,7 @@ class RangefinderLidar(Plugin[RangefinderLidarParameters]):
         configured = parameters.__pydantic_extra__
         if not configured and groups:
             raise PluginError(
-                "no lidar is configured; give frame_name, min_angle, max_angle and angle_increment below the name of "
+                "no lidar is configured; set frame_name, min_angle, max_angle and angle_increment under the name of "
                 f"one of: {', '.join(sorted(groups))}"
             )
         if not configured:
@@ -110,15 +110,15 @@ class RangefinderLidar(Plugin[RangefinderLidarParameters]):
             publisher = host.create_publisher(LaserScan, lidar.laserscan_topic)
             scan = _Scan(host, publisher, lidar, sensors, 1.0 / parameters.lidar_publish_rate)
             host.create_timer(1.0 / parameters.lidar_publish_rate, scan.publish, while_matched=publisher)
-        if left := sorted(groups.keys() - configured.keys()) if configured else []:
-            host.logger.warning("without parameters, and so not published: %s", ", ".join(left))
+        if unconfigured := sorted(groups.keys() - configured.keys()) if configured else []:
+            host.logger.warning("not published, because no parameters are set for them: %s", ", ".join(unconfigured))
 
 
 class _Scan:
-    """One lidar at work.
+    """The rays, message and publisher of one lidar.
 
-    The rays are cast here, as MuJoCo's sensors cast them, because after a step the sensors' own values are one step
-    older than the time.
+    This class casts the rays itself, in the same way as MuJoCo's sensors, because after a step the sensor values belong
+    to the state before the step.
     """
 
     def __init__(
@@ -131,10 +131,10 @@ class _Scan:
         self._rays = [
             (data.site_xpos[s], data.site_xmat[s].reshape(3, 3)[:, 2], int(model.site_bodyid[s])) for s in sites
         ]
-        # A sensor says its cutoff for everything beyond it.
+        # MuJoCo reports the cutoff for every distance beyond it.
         cutoff = model.sensor_cutoff[sensors]
-        self._farthest = np.minimum(lidar.range_max, np.where(cutoff > 0, cutoff, np.inf))
-        self._nearest = lidar.range_min
+        self._max_range = np.minimum(lidar.range_max, np.where(cutoff > 0, cutoff, np.inf))
+        self._min_range = lidar.range_min
         self._geom = np.zeros(1, np.int32)
         self._message = CdrFrame(
             LaserScan(
@@ -151,13 +151,13 @@ class _Scan:
         self._ranges = self._message.view("ranges")
 
     def publish(self) -> None:
-        """Casts all rays and sends the scan."""
+        """Casts all rays and publishes the scan."""
         host = self._host
         host.kinematics()
         distances = np.array([self._cast(*ray) for ray in self._rays])
-        nothing = (distances < 0.0) | (distances > self._farthest)
-        too_close = (distances < self._nearest) & ~nothing
-        self._ranges[:] = np.select([nothing, too_close], [np.inf, -np.inf], distances)
+        no_return = (distances < 0.0) | (distances > self._max_range)
+        too_close = (distances < self._min_range) & ~no_return
+        self._ranges[:] = np.select([no_return, too_close], [np.inf, -np.inf], distances)
         self._message.set_stamp("header.stamp", host.time_ns)
         self._publisher.publish_frame(self._message)
 
@@ -166,7 +166,7 @@ class _Scan:
 
 
 def _groups(model: mujoco.MjModel) -> dict[str, dict[int, int]]:
-    """Returns the rangefinders named `<lidar>-<number>`: lidar to number to sensor id."""
+    """Returns the rangefinders named `<lidar>-<number>` as a dict of lidar name to ray number to sensor id."""
     groups: dict[str, dict[int, int]] = {}
     for sensor in range(model.nsensor):
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor) or ""
@@ -180,18 +180,18 @@ def _groups(model: mujoco.MjModel) -> dict[str, dict[int, int]]:
 
 
 def _sensors(host: Host, name: str, lidar: LidarParameters, group: dict[int, int]) -> list[int]:
-    """Returns the sensor of each ray, in the order of the angles.
+    """Returns the sensor id of each ray, in the order of the angles.
 
     Raises:
-        PluginError: A ray is missing, or is no single ray from a site.
+        PluginError: A ray is missing, or is not attached to a site.
     """
     rays = lidar.rays
     missing = rays - sum(number < rays for number in group)
-    if missing == 1 and rays - 1 not in group and lidar.rays_without_rounding == rays - 1:
+    if missing == 1 and rays - 1 not in group and lidar.truncated_rays == rays - 1:
         rays -= 1
         host.logger.warning(
-            "lidar %r: the model has no ray %d at max_angle = %g, so the scan ends at %g; whoever made the model "
-            "truncated (max_angle - min_angle) / angle_increment",
+            "lidar %r: the model has no ray %d at max_angle = %g, so the scan ends at %g; the model was probably "
+            "generated with (max_angle - min_angle) / angle_increment truncated",
             name,
             rays,
             lidar.max_angle,
@@ -199,12 +199,16 @@ def _sensors(host: Host, name: str, lidar: LidarParameters, group: dict[int, int
         )
     elif missing:
         raise PluginError(
-            f"the angles of lidar {name!r} make {rays} rays, but the model has no rangefinder named "
+            f"lidar {name!r} has {rays} rays according to its angles, but the model has no rangefinder named "
             f"{_listing(name, (i for i in range(rays) if i not in group), missing)}"
         )
     if beyond := [number for number in group if number >= rays]:
         host.logger.warning(
-            "lidar %r: %d rays from %s-%d on lie beyond max_angle", name, len(beyond), name, min(beyond)
+            "lidar %r: %d rays, from %s-%d on, are beyond max_angle and are not published",
+            name,
+            len(beyond),
+            name,
+            min(beyond),
         )
     sensors = [group[number] for number in range(rays)]
     for number, sensor in enumerate(sensors):
@@ -214,5 +218,5 @@ def _sensors(host: Host, name: str, lidar: LidarParameters, group: dict[int, int
 
 
 def _listing(name: str, numbers: Iterator[int], count: int) -> str:
-    shown = ", ".join(f"{name}-{number}" for number in islice(numbers, _MOST_NAMES))
-    return f"{shown}, … ({count} in all)" if count > _MOST_NAMES else shown
+    shown = ", ".join(f"{name}-{number}" for number in islice(numbers, _MAX_NAMES))
+    return f"{shown}, … ({count} in all)" if count > _MAX_NAMES else shown

@@ -73,7 +73,7 @@ def test_the_compressed_depth_is_the_depth_within_its_quantisation(background):
 
 
 def test_what_the_coding_cannot_say_is_unknown():
-    coding = DepthCoding(farthest=50.0)
+    coding = DepthCoding(max_depth=50.0)
     depth = np.array([[0.0, -1.0, 0.1, 0.2, 49.9, 51.0, 60.0, np.inf, np.nan]], np.float32)
     inverse = cv2.imdecode(np.frombuffer(coding.encode(depth), np.uint8, offset=12), cv2.IMREAD_UNCHANGED)[0]
     assert inverse[3] == round(10100 / 0.2 + 1 - 10100 / 50)

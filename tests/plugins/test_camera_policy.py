@@ -17,7 +17,7 @@ from camera_scenes import (
 from mjplug.contracts.diagnostics import Level
 from mjplug.physics.reset import Reset
 from mjplug_plugins.camera import Camera
-from mjplug_plugins.camera.gl import BACKEND
+from mjplug_plugins.camera.gl import BACKEND_VARIABLE
 
 TWO = '<camera name="front" pos="0 0 2" resolution="16 12"/><camera name="wrist" pos="0 0 3" resolution="20 30"/>'
 MOVING = '<body pos="0 0 .1"><freejoint/><geom type="box" size="2 2 .1"/></body>'
@@ -165,7 +165,7 @@ def test_a_trigger_draws_even_if_nobody_listens_and_says_so():
     call = world.call("/cameras/front/trigger")
     world.loop.step(1)
     assert call.response.success
-    assert call.response.message == "drawn, but nobody listens; stamp 0.000000000"
+    assert call.response.message == "rendered, but no topic has subscribers; stamp 0.000000000"
 
 
 def test_a_reset_refuses_waiting_triggers_and_restarts_the_rates():
@@ -207,7 +207,7 @@ def test_a_busy_process_gets_the_newest_state_and_what_it_misses_is_counted(capl
     assert stamps(world, "wrist/color") == [0.4]
     said = diagnosis(world)
     assert said.level == Level.WARN
-    assert said.message == "drawing is slower than asked for; 4 images were dropped since the last status"
+    assert said.message == "rendering is slower than requested; 4 images were dropped since the last status"
     assert [said.values[f"states dropped for stream {name}"] for name in ("front", "wrist")] == ["3", "1"]
     assert diagnosis(world).level == Level.OK
 
@@ -221,7 +221,7 @@ def test_diagnostics_say_what_draws_and_how_many_images_a_second():
     assert said.values["renderer"].startswith("rendering with ")
     assert said.values["state"] == "running"
     assert float(said.values["images/s of front"]) > 0
-    assert said.values["images/s of front"] == said.values["images/s asked of front"]
+    assert said.values["images/s of front"] == said.values["images/s requested of front"]
 
 
 def second(world):
@@ -235,7 +235,7 @@ def second(world):
 def clock(monkeypatch):
     """Wall time as the plugin sees it [s]; a list of one."""
     now = [0.0]
-    for module in ("mjplug_plugins.pace", "mjplug_plugins.camera.triggers"):
+    for module in ("mjplug_plugins.rate_monitor", "mjplug_plugins.camera.triggers"):
         monkeypatch.setattr(f"{module}.monotonic", lambda: now[0])
     return now
 
@@ -271,13 +271,13 @@ def test_a_camera_that_reaches_less_than_half_of_its_rate_is_told_once_a_minute(
     seconds(world, clock, 70, one_second)
     slow = (
         "front reaches 1.0 of 10.0 images/s: the worker process waits for a processor 90% of its time, because other "
-        "programs keep them busy; see the parameter priority"
+        "programs keep the processors busy; see the parameter `priority`"
     )
     assert warnings(caplog) == [slow, slow]
     said = diagnosis(world)
     assert (said.level, said.message) == (Level.WARN, slow)
     assert said.values["images/s of front"] == "1"
-    assert said.values["images/s asked of front"] == "10"
+    assert said.values["images/s requested of front"] == "10"
 
 
 def test_drops_are_counted_by_topic(clock):
@@ -303,7 +303,7 @@ def test_a_camera_that_keeps_up_is_not_told(clock, caplog):
     ("state", "reason", "why"),
     [
         ("starting", "", "the worker process is still starting"),
-        ("restarting", "it died", "the worker process is being started again: it died"),
+        ("restarting", "it died", "the worker process is being restarted: it died"),
         ("running", "", "the worker process is busy; reduce sizes, rates or quality"),
     ],
 )
@@ -341,7 +341,7 @@ def test_in_software_the_log_says_so_once(caplog):
 
 def without_gl(monkeypatch, backend="egl"):
     """Makes OpenGL fail as it does where its library is missing."""
-    monkeypatch.setenv(BACKEND, backend)
+    monkeypatch.setenv(BACKEND_VARIABLE, backend)
     monkeypatch.setattr(
         f"mujoco.{backend}.GLContext", lambda *size: (_ for _ in ()).throw(AttributeError("no eglQueryString"))
     )
@@ -354,7 +354,7 @@ def test_without_opengl_the_server_lives_and_triggers_say_what_to_install(monkey
     # Whoever runs the work says so already.
     assert [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING] == []
     call = world.call("/cameras/front/trigger")
-    assert call.refusal.startswith("cameras are off: no OpenGL through ")
+    assert call.refusal.startswith("cameras are unavailable: no OpenGL through ")
     assert "AttributeError: no eglQueryString" in call.refusal
     assert stamps(world, "wrist/color") == []
     assert diagnosis(world).level == Level.ERROR
@@ -377,7 +377,7 @@ def test_a_lost_context_fails_loudly():
     lost._context.free()
     lost.make_current = lambda: None
     world.loop.step(100)
-    assert "OpenGL draws nothing any more: its context was lost" in str(world.loop.failure)
+    assert "OpenGL renders nothing: its context was lost" in str(world.loop.failure)
     assert len(stamps(world, "front/color")) == 1
 
 

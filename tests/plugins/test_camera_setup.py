@@ -24,7 +24,7 @@ from mjplug.model.file import load_model
 from mjplug.plugin import Host, UnavailableError
 from mjplug.plugin.selection import select
 from mjplug_plugins.camera import Camera
-from mjplug_plugins.camera.gl import BACKEND, GlContext, environments
+from mjplug_plugins.camera.gl import BACKEND_VARIABLE, GlContext, environments
 from mjplug_plugins.camera.parameters import CameraParameters
 from mjplug_plugins.camera.view import camera_names
 from mjplug_schemas.names import resolve, validate_name
@@ -246,7 +246,7 @@ def test_everything_can_be_set_in_yaml(tmp_path):
     ],
 )
 def test_a_display_comes_first_and_the_user_s_choice_is_the_only_one(environment, platform, tried):
-    assert [changes[BACKEND] for changes in environments(environment, platform)] == tried
+    assert [changes[BACKEND_VARIABLE] for changes in environments(environment, platform)] == tried
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,7 @@ def test_whatever_a_missing_library_raises_the_packages_are_named(monkeypatch, b
     def fail(name):
         raise error
 
-    monkeypatch.setenv(BACKEND, backend)
+    monkeypatch.setenv(BACKEND_VARIABLE, backend)
     monkeypatch.setattr("mjplug_plugins.camera.gl.importlib", SimpleNamespace(import_module=fail))
     with pytest.raises(UnavailableError) as caught:
         GlContext(16, 16)
@@ -272,14 +272,14 @@ def test_whatever_a_missing_library_raises_the_packages_are_named(monkeypatch, b
 
 
 def test_rendering_can_be_switched_off(monkeypatch):
-    monkeypatch.setenv(BACKEND, "disable")
-    with pytest.raises(UnavailableError, match="rendering is switched off by MUJOCO_GL=disable"):
+    monkeypatch.setenv(BACKEND_VARIABLE, "disable")
+    with pytest.raises(UnavailableError, match="rendering is disabled by MUJOCO_GL=disable"):
         GlContext(16, 16)
 
 
 def test_a_way_to_opengl_that_nobody_knows_is_named_with_the_known_ones(monkeypatch):
-    monkeypatch.setenv(BACKEND, "crayons")
-    with pytest.raises(UnavailableError, match="MUJOCO_GL is 'crayons'; it can be egl, osmesa, glfw or disable"):
+    monkeypatch.setenv(BACKEND_VARIABLE, "crayons")
+    with pytest.raises(UnavailableError, match="MUJOCO_GL is 'crayons'; allowed: egl, osmesa, glfw, disable"):
         GlContext(16, 16)
 
 
@@ -296,7 +296,7 @@ def test_what_glfw_warns_of_without_a_display_is_the_reason(monkeypatch):
     def load(name):
         return SimpleNamespace(GLContext=Windowless, glGetString=lambda name: None, GL_RENDERER=0)
 
-    monkeypatch.setenv(BACKEND, "glfw")
+    monkeypatch.setenv(BACKEND_VARIABLE, "glfw")
     monkeypatch.setattr("mjplug_plugins.camera.gl.importlib", SimpleNamespace(import_module=load))
     with pytest.raises(UnavailableError, match=r"no OpenGL through GLFW .* UserWarning: X11: The DISPLAY environment"):
         GlContext(16, 16)

@@ -164,7 +164,7 @@ def test_controls_stay_within_the_ranges_and_that_is_said_once(caplog):
     # The motor may exert 5 N at a gear of 4.
     command(world, ["elbow"], effort=[100.0])
     assert world.data.ctrl[ELBOW] == 5.0
-    assert caplog.text.count("joint 'rail': the velocity 3 is beyond what its actuator can be told") == 1
+    assert caplog.text.count("joint 'rail': the velocity command 3 is beyond the range of its actuator") == 1
     assert caplog.text.count("is limited") == 2
     free = world_of(clamp=False)
     command(free, ["rail"], velocity=[9.0])
@@ -187,7 +187,7 @@ def test_a_group_takes_plain_numbers_in_its_order():
     assert world.data.ctrl[[ELBOW, WRIST]].tolist() == [2.0, 0.1]
     world.transport.send("/arm/efforts/commands", Float64MultiArray(data=[1.0]))
     world.loop.step(1)
-    assert told(world).message == "/arm/efforts/commands: data has 1 numbers for the 2 joints of group 'efforts'"
+    assert told(world).message == "/arm/efforts/commands: data contains 1 numbers, but group 'efforts' has 2 joints"
     assert world.data.ctrl[[ELBOW, WRIST]].tolist() == [2.0, 0.1]
 
 
@@ -204,7 +204,7 @@ def test_lists_that_are_shorter_than_the_names_are_for_the_joints_with_that_inte
     command(world, ["loose", "wrist", "rail", "shoulder"], position=[0.1, 0.2])
     refusal = told(world).message
     assert "position has 2 numbers for 4 names" in refusal
-    assert "by command_interfaces, 1 of the names have it" in refusal
+    assert "command_interfaces declares it for 1 of the names" in refusal
     assert world.data.ctrl[SHOULDER] == 0.4
 
 
@@ -228,7 +228,7 @@ def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_posit
     [
         (["rail", "shoulder"], {"position": [0.1]}, "position has 1 numbers for 2 names; give one for each name, or"),
         (["shoulder"], {"position": [0.1, 0.2]}, "position has 2 numbers for 1 names"),
-        (["shoulder", "shoulder"], {"position": [0.1, 0.2]}, "joint 'shoulder' is name[0] and name[1]"),
+        (["shoulder", "shoulder"], {"position": [0.1, 0.2]}, "joint 'shoulder' is listed twice: name[0] and name[1]"),
         (["shoulder", "wrist"], {"position": [0.1, math.nan], "effort": [0.0, math.inf]}, "of joint 'wrist' is inf"),
         (["wrist", "shoulder"], {"effort": [1.0, 0.0], "position": [0.0, 1e300]}, "of joint 'shoulder' is 1e+300"),
     ],
@@ -253,9 +253,10 @@ def test_what_a_joint_cannot_do_is_said_once_and_the_rest_of_the_message_counts(
         command(world, ["shoulder", "wrist", "loose", "ghost"], position=[0.2, 0.3, 0.4, 0.5])
     assert world.data.ctrl.tolist() == [0.0, 0.2, 0.0, 0.0]
     assert [r.message for r in caplog.records] == [
-        "commands for joint 'wrist' are ignored: it takes effort, not position; pid_gains.position.wrist would let it",
-        "commands for joint 'loose' are ignored: it has no actuator, follows another joint, or was not chosen",
-        "commands for joint 'ghost' are ignored: there is no such joint to command",
+        "commands for joint 'wrist' are ignored: it accepts effort commands, not position; set "
+        "pid_gains.position.wrist to allow it",
+        "commands for joint 'loose' are ignored: it has no actuator, mimics another joint, or is not in `joints`",
+        "commands for joint 'ghost' are ignored: there is no commandable joint of that name",
     ]
 
 
@@ -312,12 +313,15 @@ def test_a_reset_forgets_commands_and_leaves_the_controls_that_it_put_back(arm_m
     ("parameters", "sentence"),
     [
         ({"joints": ["elbo"]}, "unknown joint 'elbo', did you mean 'elbow'"),
-        ({"joints": ["loose"]}, "joint 'loose' has no actuator; those that have one: rail, shoulder, elbow, wrist"),
+        ({"joints": ["loose"]}, "joint 'loose' has no actuator; joints with an actuator: rail, shoulder, elbow, wrist"),
         ({"joints": ["socket"]}, "neither a hinge nor a slide"),
         ({"actuators": {"elbow": ["elbow_moter"]}}, "unknown actuator 'elbow_moter', did you mean 'elbow_motor'"),
-        ({"actuators": {"elbow": ["wrist_motor"], "wrist": ["wrist_motor"]}}, "is given to two joints"),
+        ({"actuators": {"elbow": ["wrist_motor"], "wrist": ["wrist_motor"]}}, "is configured for two joints"),
         ({"pid_gains": {"position": {"ellbow": {"p": 1.0}}}}, "unknown joint or actuator with position gains 'ellbow'"),
-        ({"groups": {"g": {"joints": ["wrist"], "interface": "velocity"}}}, "joint 'wrist' takes effort, not velocity"),
+        (
+            {"groups": {"g": {"joints": ["wrist"], "interface": "velocity"}}},
+            "joint 'wrist' accepts effort commands, not velocity",
+        ),
         ({"command_interfaces": {"elbwo": "position"}}, "unknown joint to command 'elbwo', did you mean 'elbow'"),
     ],
 )

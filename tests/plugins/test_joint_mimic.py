@@ -27,7 +27,7 @@ def test_a_mimic_joint_follows_with_multiplier_and_offset_and_takes_no_commands_
     bank = world.plugin._joints.banks[0]
     assert bank.setpoint[0] == -0.75
     assert world.data.ctrl[1] == 0.5
-    assert "elbow" in world.diagnostics.diagnose()["arm"].values["names ignored"]
+    assert "elbow" in world.diagnostics.diagnose()["arm"].values["ignored names"]
 
 
 def test_a_timeout_ends_what_mimics_too():
@@ -46,13 +46,16 @@ def test_commands_that_only_one_of_two_takes_are_pointed_out(caplog):
 @pytest.mark.parametrize(
     ("mimic", "sentence"),
     [
-        ({"loose": {"joint": "elbow"}}, "joint 'loose' cannot mimic 'elbow', as it has no actuator"),
+        ({"loose": {"joint": "elbow"}}, "joint 'loose' cannot mimic 'elbow', because it has no actuator"),
         ({"wrist": {"joint": "elbw"}}, "unknown joint to command 'elbw', did you mean 'elbow'"),
         (
             {"wrist": {"joint": "elbow"}, "elbow": {"joint": "shoulder"}},
-            "joint 'wrist' mimics 'elbow', which mimics another one itself",
+            "joint 'wrist' mimics 'elbow', which itself mimics another joint",
         ),
-        ({"wrist": {"joint": "shoulder"}}, "joint 'wrist' takes effort; 'shoulder', to mimic, takes position"),
+        (
+            {"wrist": {"joint": "shoulder"}},
+            "joint 'wrist' accepts effort commands, but 'shoulder', which it mimics, accepts position",
+        ),
     ],
 )
 def test_what_cannot_be_mimicked_stops_the_start(mimic, sentence):

@@ -16,7 +16,7 @@ from mjplug.model.file import load_model
 from mjplug.plugin.selection import select
 from mjplug_plugins.lidar import Lidar
 from mjplug_plugins.lidar.parameters import LidarParameters
-from mjplug_plugins.lidar.settings import MOST_RAYS
+from mjplug_plugins.lidar.settings import MAX_RAYS
 
 XML = """
 <mujoco>
@@ -204,14 +204,14 @@ def refusal(model, **parameters):
 
 def test_an_unknown_lidar_is_refused_with_the_known_ones(model):
     assert refusal(model, frontt={}) == (
-        "unknown lidar 'frontt', did you mean 'front'?; known: front; for one that the model lacks, give site, "
-        "resolution, azimuth_range, elevation_range and max_range"
+        "unknown lidar 'frontt', did you mean 'front'?; known: front; a lidar that is not in the "
+        "model needs site, resolution, azimuth_range, elevation_range and max_range"
     )
 
 
 def test_what_a_new_lidar_lacks_is_said(model):
     assert refusal(model, mine={"site": "top"}) == (
-        "lidar 'mine' has no resolution, azimuth_range, elevation_range, max_range"
+        "lidar 'mine': missing resolution, azimuth_range, elevation_range, max_range"
     )
 
 
@@ -225,14 +225,12 @@ def test_unknown_sites_and_bodies_are_refused_with_the_known_ones(model):
 
 
 def test_what_does_not_fit_together_is_refused(model):
-    assert refusal(model, front={"min_range": 20.0}) == (
-        "lidar 'front': max_range is 20, not above min_range, which is 20"
-    )
+    assert refusal(model, front={"min_range": 20.0}) == ("lidar 'front': max_range (20) must be above min_range (20)")
     assert refusal(model, front={"resolution": (9, 2)}) == (
-        "lidar 'front': 2 rows need two angles in elevation_range, not only 0"
+        "lidar 'front': 2 rows need two angles in elevation_range, not one (0)"
     )
     assert refusal(model, front={"resolution": (90000, 90000), "elevation_range": (0.0, 0.1)}) == (
-        "lidar 'front': 90000 x 90000 rays are more than 5000000"
+        "lidar 'front': 90000 x 90000 rays; at most 5000000 are allowed"
     )
 
 
@@ -247,14 +245,14 @@ def test_lidars_that_share_a_topic_are_said(model, caplog):
 def test_a_model_without_lidars_is_said(box_world, caplog):
     box_world.add(Lidar, "lidar")
     assert [r.getMessage() for r in caplog.records] == [
-        "the model has no mujoco.plugin.lidar, and none is configured: nothing is published"
+        "the model has no mujoco.plugin.lidar sensor and no lidar is configured: nothing is published"
     ]
 
 
 def test_every_parameter_of_a_lidar_has_a_row_in_the_docs():
     text = section("plugins.md", "Lidar")
     assert set(LidarParameters.model_fields) <= set(rows(text))
-    assert f"at most {MOST_RAYS} rays" in text
+    assert f"at most {MAX_RAYS} rays" in text
 
 
 OURS = """
@@ -297,10 +295,10 @@ WRONG = [
     (("max_range: 10", "max_rang: 10"), "scan.max_rang: unknown key; known: azimuth_range, "),
     (("threads: 2", "thread: 2"), "thread: unknown key; known: job_timeout, priority, sync, threads"),
     (("threads: 2", "threads: 0"), "threads: Input should be greater than or equal to 1, not 0"),
-    (("max_range: 10", "max_range: 0.1"), "scan.max_range: 0.1 is not above min_range, which is 0.1"),
-    (("[360, 1]", "[0, 1]"), "scan.resolution: columns and rows must be above 0, not 0 and 1"),
+    (("max_range: 10", "max_range: 0.1"), "scan.max_range: max_range (0.1) must be above min_range (0.1)"),
+    (("[360, 1]", "[0, 1]"), "scan.resolution: columns and rows must be at least 1, not 0 and 1"),
     (("[360, 1]", "360"), "scan.resolution: Input should be a list, not 360"),
-    (("[-3.1416, 3.1416]", "[1, -1]"), "scan.azimuth_range: the first angle, 1, must be below the second, -1"),
+    (("[-3.1416, 3.1416]", "[1, -1]"), "scan.azimuth_range: the first angle (1) must be below the second (-1)"),
     (
         ("[-3.1416, 3.1416]", "[-180, 180]"),
         "scan.azimuth_range[1]: Input should be less than or equal to 3.1416, not 180",

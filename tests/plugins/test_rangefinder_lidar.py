@@ -202,25 +202,28 @@ def refusal(xml, **parameters):
 def test_missing_rays_are_refused_by_name():
     some = rays(3), rays(2, first=5)
     assert refusal(room(*some), lidar=lidar(8)) == (
-        "the angles of lidar 'lidar' make 8 rays, but the model has no rangefinder named lidar-3, lidar-4, lidar-7"
+        "lidar 'lidar' has 8 rays according to its angles, but the model has no rangefinder named lidar-3, lidar-4, "
+        "lidar-7"
     )
 
 
 def test_one_missing_ray_at_the_end_is_refused_where_no_rounding_explains_it():
     assert refusal(room(rays(4)), lidar=lidar(5)) == (
-        "the angles of lidar 'lidar' make 5 rays, but the model has no rangefinder named lidar-4"
+        "lidar 'lidar' has 5 rays according to its angles, but the model has no rangefinder named lidar-4"
     )
     one_gone = rays(12, -0.3, 0.025), rays(12, -0.3, 0.025, first=13)
     angles = {"frame_name": "laser", "min_angle": -0.3, "max_angle": 0.3, "angle_increment": 0.025}
     assert refusal(room(*one_gone), lidar=angles) == (
-        "the angles of lidar 'lidar' make 25 rays, but the model has no rangefinder named lidar-12"
+        "lidar 'lidar' has 25 rays according to its angles, but the model has no rangefinder named lidar-12"
     )
 
 
 def test_very_many_missing_rays_are_not_all_named():
     parameters = {"frame_name": "laser", "min_angle": 0, "max_angle": 1, "angle_increment": 1e-12}
     sentence = refusal(room(rays(2)), lidar=parameters)
-    assert sentence.startswith("the angles of lidar 'lidar' make 1000000000001 rays, but the model has no rangefinder")
+    assert sentence.startswith(
+        "lidar 'lidar' has 1000000000001 rays according to its angles, but the model has no rangefinder"
+    )
     assert sentence.endswith("lidar-20, lidar-21, … (999999999999 in all)")
 
 
@@ -228,7 +231,9 @@ def test_rays_beyond_the_last_angle_are_left_out_and_said(caplog):
     world = world_of(room(rays(9)), lidar=lidar(5))
     world.loop.step(100)
     assert len(scans(world)[0].ranges) == 5
-    assert [r.getMessage() for r in caplog.records] == ["lidar 'lidar': 4 rays from lidar-5 on lie beyond max_angle"]
+    assert [r.getMessage() for r in caplog.records] == [
+        "lidar 'lidar': 4 rays, from lidar-5 on, are beyond max_angle and are not published"
+    ]
 
 
 @pytest.mark.parametrize("name", ["lidar-{:03}", "front-left-{}", "2d_lidar-{}"])
@@ -270,7 +275,7 @@ def test_an_unknown_lidar_is_refused_with_the_known_ones():
 
 def test_without_parameters_for_any_lidar_the_plugin_refuses():
     assert refusal(room(rays(5), rays(5, name="rear-{}"))) == (
-        "no lidar is configured; give frame_name, min_angle, max_angle and angle_increment below the name of one of: "
+        "no lidar is configured; set frame_name, min_angle, max_angle and angle_increment under the name of one of: "
         "lidar, rear"
     )
 
@@ -285,7 +290,9 @@ def test_a_model_without_lidars_is_said(caplog):
 def test_lidars_without_parameters_are_left_out_and_said(caplog):
     world = world_of(room(rays(5), rays(5, name="rear-{}"), rays(5, name="top-{}")), lidar=lidar())
     assert set(world.transport.publishers) == {"/scan"}
-    assert [r.getMessage() for r in caplog.records] == ["without parameters, and so not published: rear, top"]
+    assert [r.getMessage() for r in caplog.records] == [
+        "not published, because no parameters are set for them: rear, top"
+    ]
 
 
 def test_two_lidars_publish_on_their_own_topics_at_the_same_instants():
@@ -335,8 +342,8 @@ def test_the_demo_s_configuration_and_model_load_unchanged(tmp_path, caplog):
     assert [(r.levelno, r.getMessage()) for r in caplog.records] == [
         (
             logging.WARNING,
-            "lidar 'lidar': the model has no ray 24 at max_angle = 0.3, so the scan ends at 0.275; whoever made the "
-            "model truncated (max_angle - min_angle) / angle_increment",
+            "lidar 'lidar': the model has no ray 24 at max_angle = 0.3, so the scan ends at 0.275; the model was "
+            "probably generated with (max_angle - min_angle) / angle_increment truncated",
         )
     ]
     world.loop.step(400)
@@ -353,22 +360,22 @@ def test_the_demo_s_configuration_and_model_load_unchanged(tmp_path, caplog):
 WRONG = [
     (("max_angle: 0.3\n", "max_angel: 0.3\n"), 10, "lidar.max_angel: unknown key; known: angle_increment, "),
     (("max_angle: 0.3\n", "max_angel: 0.3\n"), 7, "lidar.max_angle: required, but not given"),
-    (("angle_increment: 0.025", "angle_increment: 0"), 11, "lidar.angle_increment: Input should not be 0"),
+    (("angle_increment: 0.025", "angle_increment: 0"), 11, "lidar.angle_increment: angle_increment must not be 0"),
     (
         ("angle_increment: 0.025", "angle_increment: -0.1"),
         11,
-        "lidar.angle_increment: -0.1 does not lead from min_angle = -0.3 to max_angle = 0.3",
+        "lidar.angle_increment: -0.1 has the wrong sign: min_angle is -0.3 and max_angle is 0.3",
     ),
     (
         ("angle_increment: 0.025", "angle_increment: 1e-310"),
         11,
-        "lidar.angle_increment: 1e-310 is too small for the way from min_angle to max_angle",
+        "lidar.angle_increment: 1e-310 is too small: the number of rays is not finite",
     ),
-    (("range_min: 0.05", "range_min: 10"), 13, "lidar.range_max: 10 is not above range_min, which is 10"),
+    (("range_min: 0.05", "range_min: 10"), 13, "lidar.range_max: range_max (10) must be above range_min (10)"),
     (
         ("range_min: 0.05\n          range_max: 10.0", "range_min: 2000"),
         8,
-        "lidar: 1000 is not above range_min, which is 2000",
+        "lidar: range_max (1000) must be above range_min (2000)",
     ),
     (("range_min: 0.05", "range_min: -1"), 12, "lidar.range_min: Input should be greater than or equal to 0, not -1"),
     (("range_max: 10.0", "range_max: .inf"), 13, "lidar.range_max: Input should be a finite number, not inf"),

@@ -282,7 +282,7 @@ def test_a_site_that_has_the_name_of_a_body_is_that_body_if_it_is_there_and_is_n
         ({"roots": ["x"]}, "unknown body 'x'"),
         ({"sites": ["imuu"]}, "unknown site 'imuu', did you mean 'imu'"),
         ({"frames": {"f": {"camera": "fromt"}}}, "unknown camera 'fromt', did you mean 'front'"),
-        ({"frames": {"arm": {"body": "hand"}}}, "frames: 'arm' is the name of another frame already"),
+        ({"frames": {"arm": {"body": "hand"}}}, "frames: another frame is already called 'arm'; choose another name"),
         ({"world_frame": "base"}, "body 'base' has the name of the world's frame"),
     ],
 )

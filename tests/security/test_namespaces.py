@@ -132,7 +132,7 @@ STATE = (
     ("mjplug: simulation", "wanted speed"),
     ("mjplug: simulation", "steps"),
     ("mjplug: simulation", "resets"),
-    ("mjplug: joint_commands", "messages followed"),
+    ("mjplug: joint_commands", "messages accepted"),
     ("mjplug: joint_commands", "messages refused"),
     ("mjplug: wire", "refused"),
 )
@@ -163,7 +163,7 @@ def test_a_viewer_on_another_machine_sees_everything_and_changes_nothing_while_a
     after = lab.state()
     assert after["mjplug: simulation", "state"] == "running"
     assert after["mjplug: simulation", "resets"] == "3"
-    assert after["mjplug: joint_commands", "messages followed"] != "0"
+    assert after["mjplug: joint_commands", "messages accepted"] != "0"
 
 
 @pytest.mark.parametrize("name", ["nobody", "bob", "eve"])

@@ -1,4 +1,4 @@
-"""Publishes the cameras of the model: colour, depth and intrinsics."""
+"""Publishes the cameras of the model: colour images, depth images and intrinsics."""
 
 from mjplug_plugins.camera.plugin import Camera
 

@@ -1,4 +1,4 @@
-"""The compressed images that ROS's image_transport plugins read."""
+"""Compressed images in the formats of ROS's image_transport plugins."""
 
 import struct
 from dataclasses import dataclass
@@ -8,59 +8,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DEPTH_HEADER = struct.Struct("<iff")
-"""Kind of coding, and its two parameters."""
+"""Coding and its two parameters a and b."""
 
 _INVERSE_DEPTH = 0
 
-_QUANTUM = 100.0
-"""image_transport's usual `depth_quantization`: the larger, the finer; what is nearer than about 0.15 m is lost."""
+_DEPTH_QUANTIZATION = 100.0
+"""image_transport's default `depth_quantization`; larger is finer. Depths below about 0.15 m are lost."""
 
-_LARGEST = 65535
+_MAX_CODE = 65535
 
 JPEG_FORMAT = "rgb8; jpeg compressed bgr8"
 DEPTH_FORMAT = "32FC1; compressedDepth png"
 
 
 def jpeg(rgb: NDArray[np.uint8], quality: int) -> bytes:
-    """Returns an image, of shape (rows, columns, 3), as a JPEG file.
+    """Returns an image as a JPEG file.
 
     Args:
-        rgb: Its pixels, red first.
-        quality: 1 to 100 [%].
+        rgb: Pixels in the order red, green, blue, shape (rows, columns, 3).
+        quality: JPEG quality, 1 to 100 [%].
     """
     return _encoded(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality))
 
 
 @dataclass(frozen=True, slots=True)
 class DepthCoding:
-    """How compressed_depth_image_transport packs metres into 16 bits: as `a / depth + b`, finest where it is near.
+    """The 16-bit coding of compressed_depth_image_transport: `a / depth + b`, finest for small depths.
 
-    A step is about `depth² / a` wide. Zero is what is unknown, or too near or too far for the numbers.
+    The resolution is about `depth² / a`. Zero stands for a depth that is unknown, too small or too large.
 
     Attributes:
-        farthest: The largest depth that is coded [m].
+        max_depth: Largest depth that can be coded [m].
     """
 
-    farthest: float
+    max_depth: float
 
     @property
     def a(self) -> float:
         """The first parameter [m]."""
-        return _QUANTUM * (_QUANTUM + 1.0)
+        return _DEPTH_QUANTIZATION * (_DEPTH_QUANTIZATION + 1.0)
 
     @property
     def b(self) -> float:
         """The second parameter."""
-        return 1.0 - self.a / self.farthest
+        return 1.0 - self.a / self.max_depth
 
     def encode(self, depth: NDArray[np.float32]) -> bytes:
-        """Returns a depth image, of shape (rows, columns), in metres, as its header and a PNG file."""
+        """Returns a depth image, shape (rows, columns) [m], as the coding header and a PNG file."""
         with np.errstate(divide="ignore", invalid="ignore"):
             code = np.float32(self.a) / depth
         code += np.float32(self.b)
         np.rint(code, out=code)
-        # NaN is neither; what is coded as less than 1 is beyond the farthest.
-        code[~((code >= 1.0) & (code <= _LARGEST))] = 0.0
+        # NaN fails both comparisons; a code below 1 is a depth beyond max_depth.
+        code[~((code >= 1.0) & (code <= _MAX_CODE))] = 0.0
         image = _encoded(".png", code.astype(np.uint16), (cv2.IMWRITE_PNG_COMPRESSION, 1))
         return _DEPTH_HEADER.pack(_INVERSE_DEPTH, self.a, self.b) + image
 
@@ -68,5 +68,5 @@ class DepthCoding:
 def _encoded(suffix: str, image: NDArray[np.generic] | cv2.typing.MatLike, options: tuple[int, int]) -> bytes:
     done, encoded = cv2.imencode(suffix, image, options)  # type: ignore[arg-type]
     if not done:
-        raise RuntimeError(f"OpenCV cannot write a {suffix} file of an image of shape {image.shape}")
+        raise RuntimeError(f"OpenCV cannot encode an image of shape {image.shape} as a {suffix} file")
     return encoded.tobytes()

@@ -1,4 +1,4 @@
-"""What can be set about cameras."""
+"""Parameters of the plugin and of each camera."""
 
 from typing import Annotated, Literal
 
@@ -17,71 +17,80 @@ Group = Annotated[int, Field(ge=0, le=5)]
 class ViewParameters(Parameters):
     """Parameters of one camera, under its name."""
 
-    policy: Policy = Field(default="streaming", description="When it publishes: at its rate, on request, or never.")
+    policy: Policy = Field(
+        default="streaming",
+        description="`streaming`: publish at the rate; `polled`: publish on request; `disabled`: never publish.",
+    )
     publish_rate: float | None = Field(
-        default=None, gt=0, description="Images per second of simulated time [Hz]; none is `camera_publish_rate`."
+        default=None, gt=0, description="Images per second of simulated time [Hz]; default: `camera_publish_rate`."
     )
-    frame_name: str | None = Field(default=None, description="Frame of its messages; none is `<camera>_frame`.")
-    info_topic: str | None = Field(default=None, description="Topic of CameraInfo; none is `<camera>/camera_info`.")
-    image_topic: str | None = Field(default=None, description="Topic of the colour image; none is `<camera>/color`.")
-    depth_topic: str | None = Field(default=None, description="Topic of the depth image; none is `<camera>/depth`.")
+    frame_name: str | None = Field(default=None, description="Frame of the messages; default: `<camera>_frame`.")
+    info_topic: str | None = Field(default=None, description="Topic of CameraInfo; default: `<camera>/camera_info`.")
+    image_topic: str | None = Field(default=None, description="Topic of the colour image; default: `<camera>/color`.")
+    depth_topic: str | None = Field(default=None, description="Topic of the depth image; default: `<camera>/depth`.")
     trigger_service_name: str | None = Field(
-        default=None, description="Service that asks for an image; none is `<camera>/trigger`."
+        default=None, description="Service that requests an image; default: `<camera>/trigger`."
     )
-    width: int | None = Field(default=None, ge=1, le=16384, description="Columns; none is the plugin's `width`.")
-    height: int | None = Field(default=None, ge=1, le=16384, description="Rows; none is the plugin's `height`.")
+    width: int | None = Field(
+        default=None, ge=1, le=16384, description="Width [pixels]; default: the plugin's `width`."
+    )
+    height: int | None = Field(
+        default=None, ge=1, le=16384, description="Height [pixels]; default: the plugin's `height`."
+    )
     segmentation: Segmentation = Field(
-        default="none", description="Whether pixels numbered by geom or body are offered on `<camera>/segmentation`."
+        default="none", description="Whether `<camera>/segmentation` publishes the geom or body id of each pixel."
     )
 
 
 class CameraParameters(Parameters):
-    """Parameters of Camera; every other name is that of a camera, with ViewParameters below it."""
+    """Parameters of Camera; every other key is the name of a camera and contains ViewParameters."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Annotated[ViewParameters, NestedParameters]]
 
     camera_publish_rate: float = Field(
-        default=5.0, gt=0, description="Images per second of simulated time, of every streaming camera [Hz]."
+        default=5.0, gt=0, description="Images per second of simulated time, for every streaming camera [Hz]."
     )
     width: int | None = Field(
         default=None,
         ge=1,
         le=16384,
-        description="Columns of the images; none is the camera's `resolution` in the model, or else the model's "
-        "`offwidth` [pixels].",
+        description="Width of the images [pixels]; default: the camera's `resolution` in the model, else the model's "
+        "`offwidth`.",
     )
     height: int | None = Field(
         default=None,
         ge=1,
         le=16384,
-        description="Rows of the images; none is the camera's `resolution` in the model, or else the model's "
-        "`offheight` [pixels].",
+        description="Height of the images [pixels]; default: the camera's `resolution` in the model, else the model's "
+        "`offheight`.",
     )
     quality: Quality = Field(
         default="fast",
-        description="`fast` leaves out shadows, reflections, haze, smooth edges; `full` draws what the model asks for.",
+        description="`fast`: without shadows, reflections, haze and antialiasing; `full`: as the model specifies.",
     )
     background: Background = Field(
-        default="inf", description="Depth where there is nothing; `far` is the distance of the far plane."
+        default="inf", description="Depth of the background; `far`: the distance of the far plane."
     )
-    sync: bool = Field(default=False, description="Whether physics waits for every image.")
+    sync: bool = Field(default=False, description="Whether physics waits for each image.")
     priority: Priority = Field(
         default="low",
-        description="Processor time for drawing beside other programs: `idle` only what is left over, `low` less than "
-        "others, `normal` as much as others.",
+        description="Processor time for rendering compared with other programs: `idle`: only unused time, `low`: less, "
+        "`normal`: the same.",
     )
     job_timeout: float = Field(
         default=60.0,
         gt=0,
-        description="How long drawing may take before its process is replaced [s]; waiting for a processor does not "
-        "count.",
+        description="Longest time for rendering before the worker process is restarted [s]; time in which it waits for "
+        "a processor does not count.",
     )
     trigger_timeout: float = Field(
-        default=8.0, gt=0, description="After how long without an image a trigger is refused, with the reason [s]."
+        default=8.0,
+        gt=0,
+        description="Longest wall time that a trigger request waits for its image [s]; then it fails with the reason.",
     )
     jpeg_quality: int = Field(default=95, ge=1, le=100, description="Quality of the JPEG images [%].")
     geom_groups: tuple[Group, ...] = Field(
-        default=(0, 1, 2), strict=False, description="Groups of geoms that are drawn."
+        default=(0, 1, 2), strict=False, description="Geom groups that are rendered."
     )
-    site_groups: tuple[Group, ...] = Field(default=(), strict=False, description="Groups of sites that are drawn.")
+    site_groups: tuple[Group, ...] = Field(default=(), strict=False, description="Site groups that are rendered.")

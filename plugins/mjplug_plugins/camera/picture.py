@@ -1,4 +1,4 @@
-"""The messages of one camera, from drawing to publishing."""
+"""Renders and publishes the messages of one camera."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ from mjplug_schemas.std_msgs import Header
 
 @dataclass(frozen=True, slots=True)
 class Topics:
-    """Where the messages of one camera go.
+    """The publishers of one camera.
 
     Attributes:
         image: The colour image.
         depth: The depth image.
-        info: How it projects.
+        info: The intrinsics.
         compressed: The colour image as JPEG.
-        compressed_depth: The depth image as image_transport packs it.
-        segmentation: What each pixel belongs to, if that is offered.
+        compressed_depth: The depth image in image_transport's format.
+        segmentation: The geom or body id of each pixel; None if it is not configured.
     """
 
     image: Publisher[Image]
@@ -40,13 +40,13 @@ class Topics:
 
     @classmethod
     def of(cls, view: View, publishers: Iterator[Publisher[Any]]) -> "Topics":
-        """Takes as many publishers as a view needs, in the order of the attributes."""
+        """Takes the publishers that a view needs, in the order of the attributes."""
         image, depth, info, compressed, compressed_depth = (next(publishers) for _ in range(5))
         segmentation = None if view.segmentation == "none" else next(publishers)
         return cls(image, depth, info, compressed, compressed_depth, segmentation)
 
-    def heard(self) -> set[str]:
-        """Returns what somebody listens to, by the last words of the usual names."""
+    def matched_topics(self) -> set[str]:
+        """Returns which topics have subscribers, as the last word of their default names."""
         named: dict[str, Publisher[Any] | None] = {
             "color": self.image,
             "depth": self.depth,
@@ -60,10 +60,10 @@ class Topics:
 
 @dataclass(frozen=True, slots=True)
 class Depths:
-    """How depths are told.
+    """The values in depth images.
 
     Attributes:
-        background: What stands for nothing.
+        background: Kind of value for the background.
         far: Distance of the far plane [m].
     """
 
@@ -71,26 +71,26 @@ class Depths:
     far: float
 
     @property
-    def nothing(self) -> float:
-        """The depth where there is nothing [m]."""
+    def background_depth(self) -> float:
+        """The depth value of the background [m]."""
         return {"inf": np.inf, "nan": np.nan, "far": self.far, "zero": 0.0}[self.background]
 
 
 class Picture:
-    """One camera: its buffers, its messages and where they go.
+    """The buffers, messages and publishers of one camera.
 
     Args:
-        view: What is seen.
-        topics: Where it goes.
-        model: The model.
-        depths: How depths are told.
-        jpeg_quality: 1 to 100 [%].
+        view: What the camera shows.
+        topics: The publishers.
+        model: The compiled model.
+        depths: The values in depth images.
+        jpeg_quality: JPEG quality, 1 to 100 [%].
     """
 
     def __init__(self, view: View, topics: Topics, model: mujoco.MjModel, depths: Depths, jpeg_quality: int) -> None:
         self._view = view
         self._topics = topics
-        self._nothing = depths.nothing
+        self._background_depth = depths.background_depth
         self._coding = DepthCoding(depths.far)
         self._jpeg_quality = jpeg_quality
         shape = view.height, view.width
@@ -104,64 +104,64 @@ class Picture:
             self._segmentation, self._segmentation_rows = _image(view, "32SC1", np.dtype("<i4"))
             self._geoms = np.zeros(shape, np.int32)
             numbers = model.geom_bodyid if view.segmentation == "body" else np.arange(model.ngeom)
-            # The last one is for geom -1, which is none.
+            # Index -1, the last element, stands for no geom.
             self._numbers = np.append(numbers, -1).astype(np.int32)
 
-    def publish(self, renderer: Renderer, data: mujoco.MjData, time_ns: int, asked: bool) -> tuple[str, ...]:
-        """Draws and publishes what is listened to.
+    def publish(self, renderer: Renderer, data: mujoco.MjData, time_ns: int, triggered: bool) -> tuple[str, ...]:
+        """Renders and publishes the messages whose topics have subscribers.
 
         Args:
-            renderer: Draws.
-            data: The state.
-            time_ns: The state's time, for the stamps [ns].
-            asked: Whether image and depth are drawn in any case.
+            renderer: The renderer.
+            data: The state to render.
+            time_ns: Time of the state, for the stamps [ns].
+            triggered: Whether colour and depth are rendered even without subscribers.
 
         Returns:
-            What somebody listens to, such as `color` and `depth`.
+            The topics with subscribers, such as `color` and `depth`.
         """
-        to = self._topics
-        heard = to.heard()
-        self._make(
+        topics = self._topics
+        matched = topics.matched_topics()
+        self._render(
             renderer,
             data,
-            colour=asked or not heard.isdisjoint({"color", "compressed"}),
-            depth=asked or not heard.isdisjoint({"depth", "compressedDepth"}),
-            segmentation="segmentation" in heard,
+            colour=triggered or not matched.isdisjoint({"color", "compressed"}),
+            depth=triggered or not matched.isdisjoint({"depth", "compressedDepth"}),
+            segmentation="segmentation" in matched,
         )
         for frame in (self._image, self._depth_image, self._info):
             frame.set_stamp("header.stamp", time_ns)
-        if "color" in heard:
-            to.image.publish_frame(self._image)
-        if "depth" in heard:
-            to.depth.publish_frame(self._depth_image)
-        if "camera_info" in heard:
-            to.info.publish_frame(self._info)
-        if to.segmentation is not None and "segmentation" in heard:
+        if "color" in matched:
+            topics.image.publish_frame(self._image)
+        if "depth" in matched:
+            topics.depth.publish_frame(self._depth_image)
+        if "camera_info" in matched:
+            topics.info.publish_frame(self._info)
+        if topics.segmentation is not None and "segmentation" in matched:
             self._segmentation.set_stamp("header.stamp", time_ns)
-            to.segmentation.publish_frame(self._segmentation)
+            topics.segmentation.publish_frame(self._segmentation)
         header = Header(stamp=Time.from_ns(time_ns), frame_id=self._view.frame)
-        if "compressed" in heard:
+        if "compressed" in matched:
             packed = jpeg(self._image_rows, self._jpeg_quality)
-            to.compressed.publish(CompressedImage(header=header, format=JPEG_FORMAT, data=packed))
-        if "compressedDepth" in heard:
+            topics.compressed.publish(CompressedImage(header=header, format=JPEG_FORMAT, data=packed))
+        if "compressedDepth" in matched:
             packed = self._coding.encode(self._depth_rows)
-            to.compressed_depth.publish(CompressedImage(header=header, format=DEPTH_FORMAT, data=packed))
-        return tuple(sorted(heard))
+            topics.compressed_depth.publish(CompressedImage(header=header, format=DEPTH_FORMAT, data=packed))
+        return tuple(sorted(matched))
 
-    def _make(self, renderer: Renderer, data: mujoco.MjData, colour: bool, depth: bool, segmentation: bool) -> None:
+    def _render(self, renderer: Renderer, data: mujoco.MjData, colour: bool, depth: bool, segmentation: bool) -> None:
         if not (colour or depth or segmentation):
             return
         view = self._view
-        renderer.look(data, view.camera, view.width, view.height)
+        renderer.set_view(data, view.camera, view.width, view.height)
         if colour or depth:
             renderer.draw(self._colour if colour else None, self._depth if depth else None)
-        # OpenGL's first row is the bottom one.
+        # The first row in OpenGL is at the bottom of the image.
         if colour:
             self._image_rows[:] = self._colour[::-1]
         if depth:
             np.equal(self._depth, 0.0, out=self._background)
-            renderer.metres(self._depth)
-            np.copyto(self._depth, self._nothing, where=self._background)
+            renderer.to_metres(self._depth)
+            np.copyto(self._depth, self._background_depth, where=self._background)
             self._depth_rows[:] = self._depth[::-1]
         if segmentation:
             renderer.draw_geoms(self._geoms)
@@ -169,7 +169,7 @@ class Picture:
 
 
 def _image(view: View, encoding: str, dtype: "np.dtype[Any]", channels: int = 1) -> tuple[CdrFrame, NDArray[Any]]:
-    """Returns an image message, and a view of its pixels: shape (rows, columns) or (rows, columns, channels)."""
+    """Returns an image message and a view of its pixels, shape (rows, columns) or (rows, columns, channels)."""
     step = view.width * channels * dtype.itemsize
     frame = CdrFrame(
         Image(

@@ -1,4 +1,4 @@
-"""Draws the model with one OpenGL context, however many cameras there are."""
+"""Renders the model with one OpenGL context for all cameras."""
 
 from collections.abc import Iterable
 
@@ -24,25 +24,25 @@ _FONT = int(mujoco.mjtFontScale.mjFONTSCALE_50)
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 
 _SPARE_GEOMS = 1000
-_PACKED = np.array([1, 1 << 8, 1 << 16], np.int32)
+_ID_WEIGHTS = np.array([1, 1 << 8, 1 << 16], np.int32)
 
 
 class Renderer:
-    """Draws one camera at a time. Bound to the thread that made it.
+    """Renders one camera at a time. Use it only in the thread that created it.
 
     Attributes:
-        gl: The context.
+        gl: The OpenGL context.
 
     Args:
-        model: The renderer's own copy: its visual settings are changed.
-        width: Of the largest image [pixels].
-        height: Likewise.
-        quality: `fast` leaves out shadows, reflections, haze and multisampling.
-        geom_groups: Groups of geoms that are drawn.
-        site_groups: Groups of sites that are drawn.
+        model: A copy for the renderer, which changes its visual settings.
+        width: Width of the largest image [pixels].
+        height: Height of the largest image [pixels].
+        quality: `fast` disables shadows, reflections, haze and multisampling.
+        geom_groups: Geom groups that are rendered.
+        site_groups: Site groups that are rendered.
 
     Raises:
-        UnavailableError: There is no OpenGL, or it cannot draw images of this size.
+        UnavailableError: OpenGL does not work, or cannot render images of this size.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Renderer:
         site_groups: Iterable[int],
     ) -> None:
         self._model = model
-        # All four are read when the context is made.
+        # MuJoCo reads all four values when it creates the context.
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         if quality == "fast":
             model.vis.quality.offsamples = model.vis.quality.shadowsize = 0
@@ -65,23 +65,23 @@ class Renderer:
             self._context = mujoco.MjrContext(model, _FONT)
             mujoco.mjr_setBuffer(_OFFSCREEN, self._context)
             if (self._context.offWidth, self._context.offHeight) != (width, height):
-                raise UnavailableError(f"this OpenGL cannot draw {width}x{height} pixels")
+                raise UnavailableError(f"OpenGL cannot render {width}x{height} pixels on this machine")
         except mujoco.FatalError as error:
             self.close()
             raise unavailable(error) from error
         except UnavailableError:
             self.close()
             raise
-        # Reversed depth is the precise one: floats are fine near zero, and zero is far.
+        # Reversed depth is more precise: floats have a finer resolution near zero, and zero is the far plane.
         self._context.readDepthMap = int(mujoco.mjtDepthMap.mjDEPTH_ZEROFAR)
         self._smooth = self._context.offSamples > 0
         has_sky = bool(np.any(model.tex_type == _SKY_TEXTURE))
         self._sky = Sky(int(model.vis.quality.numslices)) if has_sky else None
         self._sky_verified: bool | None = None
         self._translucent = has_translucent(model)
-        self._scene = mujoco.MjvScene(model, _most_geoms(model))
+        self._scene = mujoco.MjvScene(model, _max_geoms(model))
         if quality == "fast":
-            # The haze is drawn with the sky, over what is in front of it.
+            # MuJoCo draws the haze together with the sky, over the objects in front of the sky.
             self._scene.flags[[_SHADOW, _REFLECTION, _HAZE]] = 0
         self._options = mujoco.MjvOption()
         self._options.flags[_RANGEFINDER] = 0
@@ -91,27 +91,27 @@ class Renderer:
         self._camera.type = int(mujoco.mjtCamera.mjCAMERA_FIXED)
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
-    def look(self, data: mujoco.MjData, camera: int, width: int, height: int) -> None:
-        """Sets up the scene as a camera sees it, for images of this size [pixels]."""
+    def set_view(self, data: mujoco.MjData, camera: int, width: int, height: int) -> None:
+        """Sets up the scene for a camera and an image size [pixels]."""
         self._camera.fixedcamid = camera
         self._rect = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjv_updateScene(self._model, data, self._options, None, self._camera, _EVERYTHING, self._scene)
 
     def draw(self, colour: NDArray[np.uint8] | None, depth: NDArray[np.float32] | None) -> None:
-        """Draws and reads the pixels, bottom row first.
+        """Renders the scene and reads the pixels, bottom row first.
 
-        The depth is that of opaque things: one sees through what is translucent, and the sky is background.
+        The depth is that of opaque objects only: translucent objects are ignored, and the sky is background.
 
         Args:
-            colour: Shape (rows, columns, 3); None leaves it out.
-            depth: Shape (rows, columns): the raw depth buffer, 1 at the near plane and 0 at the far one and for the
-                background; None leaves it out.
+            colour: Output: red, green and blue, shape (rows, columns, 3); None for no colour image.
+            depth: Output: the raw depth buffer, 1 at the near plane and 0 at the far plane and for the background,
+                shape (rows, columns); None for no depth image.
 
         Raises:
-            RuntimeError: OpenGL reports an error, or does not answer any more.
+            RuntimeError: OpenGL reports an error, or its context was lost.
         """
-        # A pixel of a multisampled depth buffer is not the depth at the pixel's centre: that needs a drawing by id.
-        if colour is None or depth is None or self._smooth or not self._sky_is_known():
+        # A multisampled depth buffer does not contain the depth at the pixel's centre; rendering by id does.
+        if colour is None or depth is None or self._smooth or not self._sky_is_separable():
             if colour is not None:
                 self._render(sky=True)
                 self._read(colour, None)
@@ -122,14 +122,14 @@ class Renderer:
         self._render(sky=True)
         self._read(colour, depth)
         if self._sky is not None:
-            # To OpenGL the sky is a body like others.
+            # MuJoCo draws the sky as an object with a depth.
             self._sky.erase(self._scene.camera[0], depth)
 
     def draw_geoms(self, out: NDArray[np.int32]) -> None:
-        """Draws and reads which geom is seen in each pixel, bottom row first; -1 is none.
+        """Renders the scene and reads the id of the geom in each pixel, bottom row first; -1 for no geom.
 
         Args:
-            out: Shape (rows, columns).
+            out: Output: geom ids, shape (rows, columns).
 
         Raises:
             RuntimeError: OpenGL reports an error.
@@ -137,15 +137,15 @@ class Renderer:
         colour = np.empty((*out.shape, 3), np.uint8)
         self._render(by_id=True)
         self._read(colour, None)
-        drawn = self._scene.ngeom
-        geoms = np.full(drawn + 1, -1, np.int32)
-        for thing in self._scene.geoms[:drawn]:
-            if thing.objtype == _GEOM and thing.segid >= 0:
-                geoms[thing.segid + 1] = thing.objid
-        np.take(geoms, colour @ _PACKED, out=out, mode="clip")
+        count = self._scene.ngeom
+        geoms = np.full(count + 1, -1, np.int32)
+        for geom in self._scene.geoms[:count]:
+            if geom.objtype == _GEOM and geom.segid >= 0:
+                geoms[geom.segid + 1] = geom.objid
+        np.take(geoms, colour @ _ID_WEIGHTS, out=out, mode="clip")
 
-    def metres(self, depth: NDArray[np.float32]) -> None:
-        """Turns raw depths of the last drawing into distances along the optical axis, in place [m]."""
+    def to_metres(self, depth: NDArray[np.float32]) -> None:
+        """Converts raw depths of the last rendering to distances along the optical axis [m], in place."""
         camera = self._scene.camera[0]
         near, far = float(camera.frustum_near), float(camera.frustum_far)
         if camera.orthographic:
@@ -163,35 +163,35 @@ class Renderer:
 
     @property
     def truncated(self) -> bool:
-        """Whether the last scene had more objects than there was room for."""
+        """Whether the last scene contained more objects than fit into its buffer."""
         return bool(self._scene.status)
 
     def close(self) -> None:
-        """Frees everything; a second call does nothing."""
+        """Frees the OpenGL objects; a second call does nothing."""
         if self._context is not None:
             self._context.free()
             self._context = None
         self.gl.close()
 
-    def _sky_is_known(self) -> bool:
-        """Whether the sky, if there is one, can be told from what stands before it by its depth."""
+    def _sky_is_separable(self) -> bool:
+        """Whether the depth distinguishes the sky, if the model has one, from the objects in front of it."""
         camera = self._scene.camera[0]
         if self._sky is None:
             return True
         if camera.orthographic:
             return False
         if self._sky_verified is None:
-            # Another MuJoCo may have another sky.
+            # Another MuJoCo version may draw the sky differently.
             depth = np.empty((self._rect.height, self._rect.width), np.float32)
-            self._scene.ngeom, drawn = 0, self._scene.ngeom
+            self._scene.ngeom, count = 0, self._scene.ngeom
             self._render(sky=True)
-            self._scene.ngeom = drawn
+            self._scene.ngeom = count
             self._read(None, depth)
-            self._sky_verified = bool(self._sky.seen(camera, depth).all())
+            self._sky_verified = bool(self._sky.mask(camera, depth).all())
         return self._sky_verified
 
     def _render_opaque_by_id(self) -> None:
-        """Draws opaque things without multisampling, which MuJoCo switches off for drawings by id."""
+        """Renders opaque objects without multisampling, which MuJoCo disables when it renders by id."""
         if not self._translucent:
             self._render(by_id=True)
             return
@@ -201,25 +201,25 @@ class Renderer:
     def _render(self, sky: bool = False, by_id: bool = False) -> None:
         self._scene.flags[_SKYBOX] = sky
         self._scene.flags[_BY_ID] = by_id
-        mujoco.mjr_render(self._rect, self._scene, self._drawing)
+        mujoco.mjr_render(self._rect, self._scene, self._open_context)
 
     def _read(self, colour: NDArray[np.uint8] | None, depth: NDArray[np.float32] | None) -> None:
         if depth is not None:
             depth[0, 0] = np.nan
-        mujoco.mjr_readPixels(colour, depth, self._rect, self._drawing)
+        mujoco.mjr_readPixels(colour, depth, self._rect, self._open_context)
         if error := mujoco.mjr_getError():
-            raise RuntimeError(f"OpenGL error 0x{error:04x} while drawing")
+            raise RuntimeError(f"OpenGL error 0x{error:04x} while rendering")
         if depth is not None and np.isnan(depth[0, 0]):
-            raise RuntimeError("OpenGL draws nothing any more: its context was lost")
+            raise RuntimeError("OpenGL renders nothing: its context was lost")
 
     @property
-    def _drawing(self) -> mujoco.MjrContext:
+    def _open_context(self) -> mujoco.MjrContext:
         if self._context is None:
             raise RuntimeError("the renderer is closed")
         return self._context
 
 
-def _most_geoms(model: mujoco.MjModel) -> int:
-    """Returns how many objects a scene may need: tendons and flexes are drawn in pieces."""
+def _max_geoms(model: mujoco.MjModel) -> int:
+    """Returns the largest number of objects in a scene: tendons and flexes are drawn in several pieces."""
     pieces = 2 * (model.nwrap + model.ntendon) + model.nflexvert + model.nflexedge + model.nflex + model.nskin
     return int(model.ngeom + model.nsite + pieces + _SPARE_GEOMS)

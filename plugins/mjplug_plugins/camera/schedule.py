@@ -1,4 +1,4 @@
-"""When cameras stream: each at its rate, those of one instant together."""
+"""Schedules streaming cameras: each at its rate; cameras due at the same step are submitted together."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,11 +9,11 @@ Publishers = list[Publisher[Any]]
 
 
 class Schedule:
-    """Calls for the cameras that are due and listened to.
+    """Submits the cameras that are due and whose topics have subscribers.
 
     Args:
-        host: Where timers are started.
-        submit: Gets the names of all cameras of one instant at once, so that they can share one state.
+        host: Creates the timers.
+        submit: Called once per step with the names of all due cameras, so that their images show the same state.
     """
 
     def __init__(self, host: Host, submit: Callable[[set[str]], None]) -> None:
@@ -23,22 +23,22 @@ class Schedule:
         self._due: set[str] = set()
 
     def add(self, rate: float, cameras: Mapping[str, Publishers]) -> None:
-        """Adds cameras with their publishers, at a rate [Hz]."""
+        """Adds cameras, given with their publishers, at a rate [Hz]."""
         self._rates.append(_Rate(self._host, rate, cameras, self._fire))
 
     def clear(self) -> None:
-        """Forgets what was due."""
+        """Discards the cameras that are due."""
         self._due.clear()
 
     def _fire(self, cameras: set[str]) -> None:
         self._due |= cameras
-        if not any(rate.comes_yet for rate in self._rates):
+        if not any(rate.still_due for rate in self._rates):
             due, self._due = self._due, set()
             self._submit(due)
 
 
 class _Rate:
-    """The cameras of one rate."""
+    """The cameras with the same rate."""
 
     def __init__(
         self, host: Host, rate: float, cameras: Mapping[str, Publishers], fire: Callable[[set[str]], None]
@@ -46,17 +46,17 @@ class _Rate:
         self._host = host
         self._cameras = cameras
         self._fire = fire
-        everything = [publisher for publishers in cameras.values() for publisher in publishers]
-        self._timer: Timer = host.create_timer(1.0 / rate, self._call, while_matched=everything)
+        all_publishers = [publisher for publishers in cameras.values() for publisher in publishers]
+        self._timer: Timer = host.create_timer(1.0 / rate, self._call, while_matched=all_publishers)
 
     @property
-    def comes_yet(self) -> bool:
-        """Whether its time has come at this very step, but its turn has not."""
+    def still_due(self) -> bool:
+        """Whether the timer is due at this step but has not been called yet."""
         timer = self._timer
-        return timer.due <= self._host.step and not timer.asleep and bool(self._listened())
+        return timer.due <= self._host.step and not timer.asleep and bool(self._matched_cameras())
 
     def _call(self) -> None:
-        self._fire(self._listened())
+        self._fire(self._matched_cameras())
 
-    def _listened(self) -> set[str]:
+    def _matched_cameras(self) -> set[str]:
         return {name for name, own in self._cameras.items() if any(publisher.matched for publisher in own)}

@@ -1,4 +1,4 @@
-"""Images on request: an answer comes when the image has been published, or with the reason why it will not be."""
+"""Images on request: a response is sent after the image was published, or with the reason why it was not."""
 
 import math
 from collections.abc import Callable, Collection, Mapping
@@ -11,14 +11,14 @@ from mjplug_schemas.std_srvs import Trigger
 
 
 class Triggers:
-    """The requests that wait for an image.
+    """The trigger requests that wait for an image.
 
     Attributes:
-        refusal: Why there will be no images at all; empty while there may be.
+        refusal: Reason why all requests fail; empty while images can be rendered.
 
     Args:
-        submit: Hands a task to the process that draws.
-        timeout: How long a request may wait [s of wall time].
+        submit: Submits a task to the worker process.
+        timeout: Longest wall time that a request waits [s].
     """
 
     def __init__(self, submit: Callable[[str], None], timeout: float = math.inf) -> None:
@@ -26,45 +26,45 @@ class Triggers:
         self._timeout = timeout
         self._submit = submit
         self._numbers = count(1)
-        self._waiting: dict[str, _Shot] = {}
+        self._waiting: dict[str, _PendingRequest] = {}
 
     def serve(self, camera: str) -> Slow:
-        """Handles one request."""
+        """Handles one request for an image of a camera."""
         if self.refusal:
             raise RequestError(self.refusal)
-        task, shot = trigger_task(camera, next(self._numbers)), _Shot()
-        self._waiting[task] = shot
+        task, pending = trigger_task(camera, next(self._numbers)), _PendingRequest()
+        self._waiting[task] = pending
         try:
             self._submit(task)
-            yield shot.ended
+            yield pending.ended
         finally:
             del self._waiting[task]
-        if shot.failure:
-            raise RequestError(shot.failure)
-        return Trigger.Response(success=True, message=shot.message)
+        if pending.failure:
+            raise RequestError(pending.failure)
+        return Trigger.Response(success=True, message=pending.message)
 
-    def done(self, job: Job, heard: Mapping[str, Collection[str]]) -> None:
-        """Answers those whose image is there; `heard` says of each camera what somebody listened to."""
+    def done(self, job: Job, matched_topics: Mapping[str, Collection[str]]) -> None:
+        """Answers the requests whose images are published; `matched_topics` are the topics of each camera."""
         stamp = "{}.{:09}".format(*divmod(job.time_ns, 1_000_000_000))
         for task in job.tasks & self._waiting.keys():
-            topics = ", ".join(heard[camera_of(task)])
-            did = f"published {topics}" if topics else "drawn, but nobody listens"
-            self._waiting[task].end(message=f"{did}; stamp {stamp}")
+            topics = ", ".join(matched_topics[camera_of(task)])
+            result = f"published {topics}" if topics else "rendered, but no topic has subscribers"
+            self._waiting[task].end(message=f"{result}; stamp {stamp}")
 
-    def expire(self, why: Callable[[], str]) -> None:
-        """Refuses those that have waited for too long; `why` says what takes so long."""
+    def expire(self, reason: Callable[[], str]) -> None:
+        """Fails the requests that have waited longer than the timeout; `reason` returns why rendering is slow."""
         now = monotonic()
-        for shot in [shot for shot in self._waiting.values() if now - shot.began >= self._timeout]:
-            shot.end(failure=f"no image within {self._timeout:g} s (trigger_timeout): {why()}")
+        for pending in [pending for pending in self._waiting.values() if now - pending.began >= self._timeout]:
+            pending.end(failure=f"no image within {self._timeout:g} s (trigger_timeout): {reason()}")
 
     def lost(self, tasks: frozenset[str], reason: str) -> None:
-        """Answers those whose image will not come."""
+        """Fails the requests whose images were not rendered."""
         for task in tasks & self._waiting.keys():
             self._waiting[task].end(failure=reason)
 
 
-class _Shot:
-    """How one request ended."""
+class _PendingRequest:
+    """One request and its result."""
 
     def __init__(self) -> None:
         self.ended = Event()

@@ -1,4 +1,4 @@
-"""What the camera process does: draws what somebody listens to, and publishes it."""
+"""The work of the camera worker process: renders and publishes the images whose topics have subscribers."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,31 +18,31 @@ _STREAM, _TRIGGER = "stream", "trigger"
 
 
 def stream_task(camera: str) -> str:
-    """Names the task of publishing what is listened to of a camera."""
+    """Returns the task that publishes the topics of a camera that have subscribers."""
     return f"{_STREAM} {camera}"
 
 
 def trigger_task(camera: str, number: int) -> str:
-    """Names the task of publishing an image that somebody asked for."""
+    """Returns the task that renders and publishes an image for one trigger request."""
     return f"{_TRIGGER} {number} {camera}"
 
 
 def camera_of(task: str) -> str:
-    """Returns the camera that a task is about."""
+    """Returns the camera of a task."""
     kind, _, rest = task.partition(" ")
     return rest if kind == _STREAM else rest.partition(" ")[2]
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """How everything is drawn; see CameraParameters.
+class RenderOptions:
+    """Options of rendering; see CameraParameters.
 
     Attributes:
-        quality: How much of the lighting is drawn.
-        geom_groups: Groups of geoms that are drawn.
-        site_groups: Groups of sites that are drawn.
-        background: Depth where there is nothing.
-        jpeg_quality: 1 to 100 [%].
+        quality: `fast` or `full`.
+        geom_groups: Geom groups that are rendered.
+        site_groups: Site groups that are rendered.
+        background: Kind of depth value for the background.
+        jpeg_quality: JPEG quality, 1 to 100 [%].
     """
 
     quality: Quality = "fast"
@@ -53,55 +53,55 @@ class Look:
 
 
 class CameraWork(Work):
-    """Draws and publishes the tasks of a job; reports what somebody listened to.
+    """Renders and publishes the cameras of a job; reports which topics had subscribers.
 
-    Its publishers are those of `Topics`, view after view.
+    Its publishers are those of `Topics` for each view in turn.
 
     Args:
-        views: What there is to draw.
-        look: How.
+        views: The views of all cameras.
+        options: Options of rendering.
     """
 
-    def __init__(self, views: Iterable[View], look: Look) -> None:
+    def __init__(self, views: Iterable[View], options: RenderOptions) -> None:
         self._views = tuple(views)
-        self._look = look
+        self._options = options
         self._renderer: Renderer | None = None
-        self._makers: dict[str, Callable[[], Picture]] = {}
+        self._factories: dict[str, Callable[[], Picture]] = {}
         self._pictures: dict[str, Picture] = {}
 
     def open(self, model: mujoco.MjModel, publishers: Sequence[Publisher[Any]], logger: Logger) -> str:
-        """Makes the OpenGL context and the images; says what draws."""
-        look = self._look
+        """Creates the OpenGL context and the messages; returns the name of the renderer."""
+        options = self._options
         size = max(view.width for view in self._views), max(view.height for view in self._views)
-        renderer = self._renderer = Renderer(model, *size, look.quality, look.geom_groups, look.site_groups)
+        renderer = self._renderer = Renderer(model, *size, options.quality, options.geom_groups, options.site_groups)
         remaining = iter(publishers)
-        depths = Depths(look.background, renderer.far)
-        # Images may be large and cameras many, so the memory for a camera is taken when it is first drawn.
-        self._makers = {
-            view.name: partial(Picture, view, Topics.of(view, remaining), model, depths, look.jpeg_quality)
+        depths = Depths(options.background, renderer.far)
+        # Images may be large and cameras many, so the memory of a camera is allocated when it is first rendered.
+        self._factories = {
+            view.name: partial(Picture, view, Topics.of(view, remaining), model, depths, options.jpeg_quality)
             for view in self._views
         }
         self._logger = logger
-        self._complained = False
+        self._warned = False
         gl = renderer.gl
         return f"rendering with {gl.backend} on {gl.renderer}{' (in software)' if gl.in_software else ''}"
 
     def perform(self, data: mujoco.MjData, job: Job) -> dict[str, tuple[str, ...]]:
-        """Publishes; returns, by camera, what somebody listened to."""
+        """Renders and publishes; returns, by camera, the topics that had subscribers."""
         if self._renderer is None:
             raise RuntimeError("the camera work is not open")
         self._renderer.gl.make_current()
-        asked = {camera_of(task) for task in job.tasks if task.startswith(_TRIGGER)}
-        due = asked | {camera_of(task) for task in job.tasks}
+        triggered = {camera_of(task) for task in job.tasks if task.startswith(_TRIGGER)}
+        due = triggered | {camera_of(task) for task in job.tasks}
         report = {}
-        for name, make in self._makers.items():
+        for name, make in self._factories.items():
             if name in due:
                 if name not in self._pictures:
                     self._pictures[name] = make()
-                report[name] = self._pictures[name].publish(self._renderer, data, job.time_ns, name in asked)
-        if self._renderer.truncated and not self._complained:
-            self._complained = True
-            self._logger.warning("there are more objects than can be drawn; some are missing in the images")
+                report[name] = self._pictures[name].publish(self._renderer, data, job.time_ns, name in triggered)
+        if self._renderer.truncated and not self._warned:
+            self._warned = True
+            self._logger.warning("the scene contains too many objects to render; some are missing in the images")
         return report
 
     def close(self) -> None:

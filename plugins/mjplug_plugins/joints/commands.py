@@ -1,4 +1,4 @@
-"""Moves joints as commands say: single values, groups of numbers, and trajectories."""
+"""Moves joints by commands: JointState messages, number arrays for groups of joints, and trajectories."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -7,9 +7,9 @@ from typing import Any
 from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, QoS, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
-from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, told
+from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, commands_for
+from mjplug_plugins.joints.outputs import Drive
 from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters
-from mjplug_plugins.joints.route import Drive
 from mjplug_plugins.joints.trajectories import Trajectories
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64MultiArray
@@ -17,21 +17,21 @@ from mjplug_schemas.trajectory_msgs import JointTrajectory
 
 
 class JointCommands(Plugin[JointCommandsParameters]):
-    """Moves hinges and slides as `sensor_msgs/JointState`, plain numbers and `trajectory_msgs/JointTrajectory` say.
+    """Moves hinges and slides by `JointState`, `Float64MultiArray` and `JointTrajectory` commands.
 
-    Each joint follows what it was told last, by whichever topic, until it is told something else. A servo of the model
-    gets its target as its control; where an actuator lacks the mode, a PID makes up for it at every step. A message
-    that is wrong moves nothing. A reset of the world ends all commands.
+    Each joint follows its last command, from any topic, until it gets another one. An actuator that follows the kind of
+    command by itself, such as a position servo, gets the target as its control. For other actuators, a PID computes
+    the control at every step. An invalid message moves no joint. A reset of the world cancels all commands.
     """
 
     accepted = 0
-    """Messages that were followed so far."""
+    """Number of accepted messages."""
 
     refused = 0
-    """Messages that were not."""
+    """Number of refused messages."""
 
     def init(self, host: Host, parameters: JointCommandsParameters) -> None:
-        """Finds out how each joint can be moved, and subscribes."""
+        """Finds the actuators and PIDs of each joint, and creates the subscribers."""
         self._host, self._parameters = host, parameters
         self._joints = JointDrives(host, parameters)
         drives = self._joints.drives
@@ -39,39 +39,39 @@ class JointCommands(Plugin[JointCommandsParameters]):
             self._joints.find(name)
         if not drives:
             host.logger.warning("no hinge or slide of the model has an actuator: nothing can be commanded")
-        for name in (name for name, drive in drives.items() if not drive.routes):
-            host.logger.warning("joint %s cannot be commanded: its actuators take nothing", name)
+        for name in (name for name, drive in drives.items() if not drive.outputs):
+            host.logger.warning("joint %s cannot be commanded: its actuators accept no command", name)
         self._trajectories = Trajectories(host, self._joints, parameters.interpolate_from_desired_state)
         self._expiries: dict[tuple[Drive, Interface], int] = {}
         self._next_expiry = 0
         self._timeout = host.steps_covering(round(parameters.command_timeout * 1e9))
-        self._refusal = ""
-        self._wrong: dict[str, int] = {}
+        self._last_refusal = ""
+        self._refused_by_topic: dict[str, int] = {}
         self._reader = JointStateCommands(drives, self._joints.passive, parameters.command_interfaces)
-        self._told: set[str] = set()
-        self._subscribe(JointState, parameters.topic, self._take_joint_state)
-        self._subscribe(JointTrajectory, parameters.trajectory_topic, self._take_trajectory)
+        self._reported: set[str] = set()
+        self._subscribe(JointState, parameters.topic, self._handle_joint_state)
+        self._subscribe(JointTrajectory, parameters.trajectory_topic, self._handle_trajectory)
         for name, group in parameters.groups.items():
             self._add_group(name, group)
         host.create_diagnostic("", self._diagnose)
         self._hold()
 
     def update(self) -> None:
-        """Moves trajectories on and computes the PIDs, for the coming step."""
+        """Advances the trajectories and computes the PIDs for the next step."""
         if self._trajectories.running:
             self._trajectories.update()
         if self._expiries and self._host.step >= self._next_expiry:
             self._expire()
-        regulating = False
+        pid_running = False
         for bank in self._joints.banks:
             if bank.count:
                 bank.update()
-                regulating = True
-        if not (regulating or self._trajectories.running or self._expiries):
+                pid_running = True
+        if not (pid_running or self._trajectories.running or self._expiries):
             self._host.deactivate()
 
     def on_reset(self) -> None:
-        """Forgets all commands; the controls are those that the reset has put back."""
+        """Cancels all commands; the controls are those of the reset."""
         self._trajectories.clear()
         self._expiries.clear()
         self._joints.stop_all()
@@ -79,10 +79,10 @@ class JointCommands(Plugin[JointCommandsParameters]):
         self._hold()
 
     def cleanup(self) -> None:
-        """Says how many messages were refused, if more than those that were reported."""
-        for topic, count in getattr(self, "_wrong", {}).items():
+        """Logs how many messages were refused, if more than the one that was reported."""
+        for topic, count in getattr(self, "_refused_by_topic", {}).items():
             if count > 1:
-                self._host.logger.warning("%d messages on %s were refused in all", count, topic)
+                self._host.logger.warning("%d messages on %s were refused in total", count, topic)
 
     @property
     def _busy(self) -> bool:
@@ -91,7 +91,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
     def _hold(self) -> None:
         if self._parameters.hold_at_start:
             for drive in self._joints.drives.values():
-                if drive.is_regulated:
+                if drive.has_position_pid:
                     drive.command("position", float(self._host.data.qpos[drive.joint.qpos]))
         self._wake()
 
@@ -99,14 +99,14 @@ class JointCommands(Plugin[JointCommandsParameters]):
         if self._busy:
             self._host.activate()
 
-    def _subscribe(self, type: type[Any], topic: str, take: Callable[[Any], None]) -> None:
-        # Not only the newest, since each message between two steps may be for another joint.
+    def _subscribe(self, type: type[Any], topic: str, handle: Callable[[Any], None]) -> None:
+        # The queue keeps several messages, because each message between two steps may command another joint.
         qos = QoS(max(DEFAULT.depth, len(self._joints.drives)))
-        self._host.create_subscription(type, topic, partial(self._receive, self._host.full_name(topic), take), qos)
+        self._host.create_subscription(type, topic, partial(self._receive, self._host.full_name(topic), handle), qos)
 
-    def _receive(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
+    def _receive(self, topic: str, handle: Callable[[Any], None], message: Any) -> None:
         try:
-            take(message)
+            handle(message)
         except RequestError as error:
             self._refuse(topic, str(error))
         else:
@@ -115,27 +115,29 @@ class JointCommands(Plugin[JointCommandsParameters]):
 
     def _refuse(self, topic: str, reason: str) -> None:
         self.refused += 1
-        self._refusal = f"{topic}: {reason}"
-        self._wrong[topic] = self._wrong.get(topic, 0) + 1
-        if self._wrong[topic] == 1:
+        self._last_refusal = f"{topic}: {reason}"
+        self._refused_by_topic[topic] = self._refused_by_topic.get(topic, 0) + 1
+        if self._refused_by_topic[topic] == 1:
             self._host.logger.warning("a message on %s was refused: %s (further ones are only counted)", topic, reason)
 
-    def _take_joint_state(self, message: JointState) -> None:
+    def _handle_joint_state(self, message: JointState) -> None:
         commands = self._reader.read(message)
         for name, reason in self._reader.ignored.items():
-            if name not in self._told:
-                self._told.add(name)
+            if name not in self._reported:
+                self._reported.add(name)
                 self._host.logger.warning("commands for joint %s are ignored: %s", quoted(name), reason)
         self._follow(commands)
 
-    def _take_numbers(
+    def _handle_numbers(
         self, group: str, drives: Sequence[Drive], interface: Interface, message: Float64MultiArray
     ) -> None:
         if len(message.data) != len(drives):
-            raise RequestError(f"data has {len(message.data)} numbers for the {len(drives)} joints of group {group!r}")
-        self._follow(told(interface, enumerate(drives), message.data))
+            raise RequestError(
+                f"data contains {len(message.data)} numbers, but group {group!r} has {len(drives)} joints"
+            )
+        self._follow(commands_for(interface, enumerate(drives), message.data))
 
-    def _take_trajectory(self, message: JointTrajectory) -> None:
+    def _handle_trajectory(self, message: JointTrajectory) -> None:
         self._trajectories.start(message)
 
     def _follow(self, commands: Sequence[Command]) -> None:
@@ -159,22 +161,22 @@ class JointCommands(Plugin[JointCommandsParameters]):
     def _add_group(self, name: str, group: Group) -> None:
         drives = [self._joints.find(joint) for joint in group.joints]
         for drive in drives:
-            if group.interface not in drive.routes:
+            if group.interface not in drive.outputs:
                 raise PluginError(
-                    f"group {name!r}: joint {drive.joint.name!r} takes {' and '.join(drive.routes) or 'nothing'}, not "
+                    f"group {name!r}: joint {drive.joint.name!r} accepts {drive.accepted} commands, not "
                     f"{group.interface}"
                 )
-        take = partial(self._take_numbers, name, drives, group.interface)
-        self._subscribe(Float64MultiArray, group.topic or f"{name}/commands", take)
+        handle = partial(self._handle_numbers, name, drives, group.interface)
+        self._subscribe(Float64MultiArray, group.topic or f"{name}/commands", handle)
 
     def _diagnose(self) -> Diagnosis:
-        refusal, self._refusal = self._refusal, ""
+        refusal, self._last_refusal = self._last_refusal, ""
         values = {
-            "messages followed": self.accepted,
+            "messages accepted": self.accepted,
             "messages refused": self.refused,
             "joints in a trajectory": self._trajectories.count,
-            "joints regulated": sum(bank.count for bank in self._joints.banks),
-            "names ignored": ", ".join(sorted(self._reader.ignored)[:20]),
+            "PIDs running": sum(bank.count for bank in self._joints.banks),
+            "ignored names": ", ".join(sorted(self._reader.ignored)[:20]),
         }
         if refusal:
             return Diagnosis(Level.WARN, refusal, values)

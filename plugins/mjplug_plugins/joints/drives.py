@@ -1,4 +1,4 @@
-"""Puts together how each joint of a model is commanded, from what it has and what is configured."""
+"""Determines how each joint is commanded, from own actuators and the configuration."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -7,30 +7,30 @@ from typing import cast
 from mjplug.plugin import Host, PluginError, UnknownName
 from mjplug.plugin.bundled import Drives, float_view
 from mjplug_plugins.joints.actuators import Actuator, actuators_of
+from mjplug_plugins.joints.outputs import DirectOutput, Drive, Output, PidOutput
 from mjplug_plugins.joints.parameters import Interface, JointCommandsParameters, PidGains, PidGainsByMode
 from mjplug_plugins.joints.pid import PidBank
-from mjplug_plugins.joints.route import Direct, Drive, Regulated, Route
 from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, scalar_joints
 
-_REGULATED: dict[Drives, tuple[Interface, ...]] = {
+_PID_INTERFACES: dict[Drives, tuple[Interface, ...]] = {
     Drives.POSITION: (),
     Drives.VELOCITY: ("position",),
     Drives.EFFORT: ("position", "velocity"),
     Drives.OTHER: ("position", "velocity"),
 }
-"""What a PID can make an actuator follow that it does not follow by itself."""
+"""Command interfaces that need a PID, for each kind of actuator."""
 
 
 class JointDrives:
     """The joints that can be commanded, and their PIDs.
 
     Attributes:
-        drives: By name of the joint.
-        passive: Joints that nothing can command, or that follow another one.
-        banks: The PIDs that follow positions, and those that follow velocities.
+        drives: Commandable joints, by name.
+        passive: Names of joints that cannot be commanded, or that mimic another joint.
+        banks: The PIDs for position commands and the PIDs for velocity commands.
 
     Args:
-        host: Whose model it is.
+        host: Provides the model and the state.
         parameters: The configuration.
 
     Raises:
@@ -42,75 +42,77 @@ class JointDrives:
         self._pid_gains = parameters.pid_gains or PidGainsByMode()
         joints = scalar_joints(host.model)
         actuators = actuators_of(host, joints, parameters.actuators)
-        wanted = list(joints.values())
+        selected = list(joints.values())
         if parameters.joints:
-            wanted = chosen(joints, dict.fromkeys([*parameters.joints, *parameters.mimic]), host.model)
+            selected = chosen(joints, dict.fromkeys([*parameters.joints, *parameters.mimic]), host.model)
         for name in parameters.joints:
             if name not in actuators:
-                raise PluginError(f"joint {name!r} has no actuator; those that have one: {', '.join(actuators)}")
-        commanded = {joint.name: (joint, actuators[joint.name]) for joint in wanted if joint.name in actuators}
-        host.claim_controls([actuator.actuator for _, its in commanded.values() for actuator in its])
+                raise PluginError(f"joint {name!r} has no actuator; joints with an actuator: {', '.join(actuators)}")
+        commanded = {joint.name: (joint, actuators[joint.name]) for joint in selected if joint.name in actuators}
+        host.claim_controls([actuator.actuator for _, own in commanded.values() for actuator in own])
         self._check_gains(commanded)
-        self._rivals: dict[int, list[Regulated]] = defaultdict(list)
+        self._pids: dict[int, list[PidOutput]] = defaultdict(list)
         self.banks: list[PidBank] = []
-        regulated = {interface: self._regulated(interface, commanded) for interface in ("position", "velocity")}
+        pid_outputs = {interface: self._create_pids(interface, commanded) for interface in ("position", "velocity")}
         self.drives: dict[str, Drive] = {}
-        for name, (joint, its) in commanded.items():
-            routes: dict[Interface, list[Route]] = defaultdict(list)
-            for actuator in its:
-                self._direct(actuator, its, routes)
-            for interface, by_joint in regulated.items():
-                routes[cast(Interface, interface)] += by_joint.get(name, [])
-            usable = {interface: ways for interface, ways in routes.items() if ways}
-            self.drives[name] = Drive(joint, usable, self._say_once)
+        for name, (joint, own) in commanded.items():
+            outputs: dict[Interface, list[Output]] = defaultdict(list)
+            for actuator in own:
+                self._add_direct_output(actuator, own, outputs)
+            for interface, by_joint in pid_outputs.items():
+                outputs[cast(Interface, interface)] += by_joint.get(name, [])
+            available = {interface: own for interface, own in outputs.items() if own}
+            self.drives[name] = Drive(joint, available, self._warn_limited)
         self._mimic(joints)
         self.passive = joints.keys() - self.drives.keys()
 
     def stop_all(self) -> None:
-        """Stops all PIDs and forgets what the joints were told; controls stay as they are."""
+        """Stops all PIDs and discards the last commands; the controls do not change."""
         for bank in self.banks:
             bank.stop_all()
         for drive in self.drives.values():
             drive.desired = None
 
     def find(self, name: str) -> Drive:
-        """Returns the drive of a joint.
+        """Returns the drive of a joint, by name.
 
         Raises:
-            UnknownName: There is none that can be commanded.
+            UnknownName: There is no commandable joint of that name.
         """
         if name not in self.drives:
-            raise UnknownName("joint to command", name, self.drives)
+            raise UnknownName("commandable joint", name, self.drives)
         return self.drives[name]
 
-    def _say_once(self, sentence: str) -> None:
-        self._host.logger.warning("%s, and is limited (said once)", sentence)
+    def _warn_limited(self, message: str) -> None:
+        self._host.logger.warning("%s and was limited (reported once)", message)
 
-    def _direct(self, actuator: Actuator, its: list[Actuator], routes: dict[Interface, list[Route]]) -> None:
+    def _add_direct_output(
+        self, actuator: Actuator, own: list[Actuator], outputs: dict[Interface, list[Output]]
+    ) -> None:
         kind = actuator.law.drives
         ratio, offset = actuator.scale(kind)
         if kind is Drives.EFFORT:
-            # Together they are to exert what is asked for.
-            share = sum(other.law.drives is Drives.EFFORT for other in its)
+            # The effort actuators of a joint share the commanded effort.
+            share = sum(other.law.drives is Drives.EFFORT for other in own)
             ratio /= share
         elif kind is Drives.OTHER:
             ratio, offset = 1.0, 0.0
         interface = cast(Interface, "effort" if kind is Drives.OTHER else str(kind))
         limits = actuator.limits(self._host.model, self._parameters.clamp)
-        rivals = self._rivals[actuator.actuator]
+        pids = self._pids[actuator.actuator]
         controls = float_view(self._host.data.ctrl)
-        routes[interface].append(Direct(controls, actuator.actuator, ratio, offset, limits, rivals))
+        outputs[interface].append(DirectOutput(controls, actuator.actuator, ratio, offset, limits, pids))
 
-    def _regulated(
+    def _create_pids(
         self, interface: str, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]
-    ) -> dict[str, list[Regulated]]:
-        """Makes the bank of one kind of command; returns its PIDs by joint."""
+    ) -> dict[str, list[PidOutput]]:
+        """Creates the PIDs for one kind of command; returns them by joint name."""
         model, data = self._host.model, self._host.data
         rows = [
             (joint, actuator, gains)
-            for joint, its in commanded.values()
-            for actuator in its
-            if interface in _REGULATED[actuator.law.drives]
+            for joint, own in commanded.values()
+            for actuator in own
+            if interface in _PID_INTERFACES[actuator.law.drives]
             and (gains := self._gains(interface, joint, actuator)) is not None
         ]
         if not rows:
@@ -126,26 +128,28 @@ class JointDrives:
             float(model.opt.timestep),
         )
         self.banks.append(bank)
-        found: dict[str, list[Regulated]] = defaultdict(list)
+        by_joint: dict[str, list[PidOutput]] = defaultdict(list)
         for pid, (joint, actuator, _) in enumerate(rows):
-            rivals = self._rivals[actuator.actuator]
-            rivals.append(Regulated(bank, pid, rivals))
-            found[joint.name].append(rivals[-1])
-        return found
+            pids = self._pids[actuator.actuator]
+            pids.append(PidOutput(bank, pid, pids))
+            by_joint[joint.name].append(pids[-1])
+        return by_joint
 
     def _gains(self, interface: str, joint: ScalarJoint, actuator: Actuator) -> PidGains | None:
         by_name: dict[str, PidGains] = getattr(self._pid_gains, interface)
         return by_name.get(actuator.name) or by_name.get(joint.name)
 
     def _check_gains(self, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]) -> None:
-        known = {name for joint, its in commanded.items() for name in (joint, *(a.name for a in its[1])) if name}
+        known = {name for joint, own in commanded.items() for name in (joint, *(a.name for a in own[1])) if name}
         for interface in ("position", "velocity"):
             for name in getattr(self._pid_gains, interface):
                 if name not in known:
                     raise UnknownName(f"joint or actuator with {interface} gains", name, known)
-                if not any(interface in _REGULATED[a.law.drives] for a in _named(name, commanded)):
+                if not any(interface in _PID_INTERFACES[a.law.drives] for a in _named(name, commanded)):
                     self._host.logger.warning(
-                        "the %s gains of %s are not used: its actuator does that by itself or cannot", interface, name
+                        "the %s gains of %s are not used: its actuator follows such commands by itself, or cannot",
+                        interface,
+                        name,
                     )
 
     def _mimic(self, joints: Mapping[str, ScalarJoint]) -> None:
@@ -154,27 +158,27 @@ class JointDrives:
                 raise UnknownName("joint", name, joints)
             if name not in self.drives:
                 raise PluginError(
-                    f"joint {name!r} cannot mimic {mimic.joint!r}, as it has no actuator; if the model couples them, "
-                    "leave it out"
+                    f"joint {name!r} cannot mimic {mimic.joint!r}, because it has no actuator; if the model couples "
+                    "them, remove the mimic entry"
                 )
             if mimic.joint in self._parameters.mimic:
-                raise PluginError(f"joint {name!r} mimics {mimic.joint!r}, which mimics another one itself")
+                raise PluginError(f"joint {name!r} mimics {mimic.joint!r}, which itself mimics another joint")
             leader, follower = self.find(mimic.joint), self.drives[name]
-            missing = [interface for interface in leader.routes if interface not in follower.routes]
-            if missing and len(missing) == len(leader.routes):
-                can = " and ".join(follower.routes) or "nothing"
+            missing = [interface for interface in leader.outputs if interface not in follower.outputs]
+            if missing and len(missing) == len(leader.outputs):
                 raise PluginError(
-                    f"joint {name!r} takes {can}; {mimic.joint!r}, to mimic, takes {' and '.join(missing)}"
+                    f"joint {name!r} accepts {follower.accepted} commands, but {mimic.joint!r}, which it mimics, "
+                    f"accepts {' and '.join(missing)} commands"
                 )
             for interface in missing:
                 self._host.logger.warning("joint %s does not mimic the %s of %s", name, interface, mimic.joint)
             leader.followers.append((follower, mimic.multiplier, mimic.offset))
         for name in self._parameters.mimic:
-            # Only the joint that they follow is commanded.
+            # A joint that mimics another one cannot be commanded itself.
             del self.drives[name]
 
 
 def _named(name: str, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]) -> Iterator[Actuator]:
-    """Yields the actuators that gains of a name are for."""
-    for joint, (_, its) in commanded.items():
-        yield from (actuator for actuator in its if name in (joint, actuator.name))
+    """Yields the actuators that gains with this joint or actuator name apply to."""
+    for joint, (_, own) in commanded.items():
+        yield from (actuator for actuator in own if name in (joint, actuator.name))

@@ -1,4 +1,4 @@
-"""What a JointState message asks of which joint."""
+"""Reads the commands for each joint from JointState messages."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -6,30 +6,30 @@ from dataclasses import dataclass
 
 from mjplug.plugin import RequestError
 from mjplug.plugin.bundled import quoted
+from mjplug_plugins.joints.outputs import MAX_VALUE, Drive
 from mjplug_plugins.joints.parameters import Interface
-from mjplug_plugins.joints.route import LARGEST, Drive
 from mjplug_schemas.sensor_msgs import JointState
 
 ORDER: tuple[Interface, ...] = ("effort", "velocity", "position")
-"""Where one actuator could follow several commands of a message, it follows the last of these."""
+"""Order in which commands are applied: an actuator follows the last one that it accepts."""
 
-_MOST_IGNORED = 20
-"""Names that are remembered, so that nobody fills the log or the memory with made-up ones."""
+_MAX_IGNORED = 20
+"""Number of ignored names that are stored, so that invented names cannot fill the log or the memory."""
 
 Command = tuple[Drive, Interface, float]
 
 Slot = tuple[int, Drive]
-"""A place in a list of numbers, and the joint that it is for."""
+"""An index in a list of numbers, and the joint that the number is for."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """What the lists of a message with some names are for.
+    """The joints that the lists of a message refer to.
 
     Attributes:
-        names: The names of the message.
+        names: The joint names in the message.
         lengths: The lengths of its lists, in the order of `ORDER`.
-        slots: What each list has for whom.
+        slots: For each list, its indices and their joints.
     """
 
     names: Sequence[str]
@@ -38,15 +38,15 @@ class _Layout:
 
 
 class JointStateCommands:
-    """Reads messages; the layout of the last one is kept, since a stream of them has one and the same.
+    """Reads JointState messages; the layout of the last message is cached, because it rarely changes.
 
     Attributes:
-        ignored: Names that no message will move, with the reason, as found so far.
+        ignored: Joint names whose commands were ignored so far, with the reason.
 
     Args:
-        drives: The joints that can be commanded, by name.
-        passive: Joints of the model that cannot be.
-        declared: The interfaces that messages have of a joint, where that is configured.
+        drives: The commandable joints, by name.
+        passive: Names of other joints of the model.
+        declared: The command interfaces of joints, where they are configured.
     """
 
     def __init__(
@@ -57,10 +57,10 @@ class JointStateCommands:
         self.ignored: dict[str, str] = {}
 
     def read(self, message: JointState) -> list[Command]:
-        """Returns the commands of a message, in the order in which to give them. NaN stands for no command.
+        """Returns the commands of a message in the order to apply them; NaN means no command.
 
         Raises:
-            RequestError: The message makes no sense as a whole, or has an infinite number.
+            RequestError: The names or the lengths of the lists are invalid, or a number is infinite or too large.
         """
         lengths = tuple(len(getattr(message, interface)) for interface in ORDER)
         layout = self._layout
@@ -68,7 +68,7 @@ class JointStateCommands:
             layout = self._layout = self._arrange(message, lengths)
         commands: list[Command] = []
         for interface, slots in layout.slots.items():
-            commands += told(interface, slots, getattr(message, interface))
+            commands += commands_for(interface, slots, getattr(message, interface))
         return commands
 
     def _arrange(self, message: JointState, lengths: tuple[int, ...]) -> _Layout:
@@ -76,63 +76,64 @@ class JointStateCommands:
         first: dict[str, int] = {}
         for index, name in enumerate(names):
             if first.setdefault(name, index) != index:
-                raise RequestError(f"joint {quoted(name)} is name[{first[name]}] and name[{index}]")
+                raise RequestError(f"joint {quoted(name)} is listed twice: name[{first[name]}] and name[{index}]")
         slots: dict[Interface, list[Slot]] = {}
         for interface, length in zip(ORDER, lengths, strict=True):
             if length:
-                places = self._places(interface, names, length)
-                slots[interface] = [(place, drive) for place, name in places if (drive := self._able(name, interface))]
+                indices = self._indices(interface, names, length)
+                slots[interface] = [
+                    (index, drive) for index, name in indices if (drive := self._accepting_drive(name, interface))
+                ]
         return _Layout(names, lengths, slots)
 
-    def _places(self, interface: Interface, names: Sequence[str], length: int) -> list[tuple[int, str]]:
-        """Returns each place of a list with the name that it is for."""
+    def _indices(self, interface: Interface, names: Sequence[str], length: int) -> list[tuple[int, str]]:
+        """Returns each index of a list with its joint name."""
         declared = self._declared
         if length == len(names):
             return [
                 (index, name) for index, name in enumerate(names) if name not in declared or interface in declared[name]
             ]
         # JointStateTopicSystem appends values only for the joints that have the interface.
-        having = [name for name in names if interface in declared.get(name, ())]
-        if length == len(having):
-            return list(enumerate(having))
-        configured = f"by command_interfaces, {len(having)} of the names have it" if declared else ""
+        declaring = [name for name in names if interface in declared.get(name, ())]
+        if length == len(declaring):
+            return list(enumerate(declaring))
+        configured = f"command_interfaces declares it for {len(declaring)} of the names" if declared else ""
         raise RequestError(
-            f"{interface} has {length} numbers for {len(names)} names; give one for each name, or none"
-            + (f" ({configured})" if configured else "; or say in command_interfaces which joints have which")
+            f"{interface} contains {length} numbers for {len(names)} names; send one number for each name, or none"
+            + (f" ({configured})" if configured else "; or declare the interfaces of the joints in command_interfaces")
         )
 
-    def _able(self, name: str, interface: Interface) -> Drive | None:
+    def _accepting_drive(self, name: str, interface: Interface) -> Drive | None:
         drive = self._drives.get(name)
-        if drive is not None and interface in drive.routes:
+        if drive is not None and interface in drive.outputs:
             return drive
         if drive is not None:
-            can = " and ".join(drive.routes) or "nothing"
-            way_out = "" if interface == "effort" else f"; pid_gains.{interface}.{name} would let it"
-            reason = f"it takes {can}, not {interface}{way_out}"
+            hint = "" if interface == "effort" else f"; set pid_gains.{interface}.{name} to allow it"
+            reason = f"it accepts {drive.accepted} commands, not {interface}{hint}"
         elif name in self._passive:
-            reason = "it has no actuator, follows another joint, or was not chosen"
+            reason = "it has no actuator, mimics another joint, or is not in `joints`"
         else:
-            reason = "there is no such joint to command"
-        if len(self.ignored) < _MOST_IGNORED:
+            reason = "there is no commandable joint of that name"
+        if len(self.ignored) < _MAX_IGNORED:
             self.ignored.setdefault(name, reason)
         return None
 
 
-def told(interface: Interface, slots: Iterable[Slot], values: Sequence[float]) -> list[Command]:
-    """Returns what a list of numbers tells each joint. NaN stands for no command.
+def commands_for(interface: Interface, slots: Iterable[Slot], values: Sequence[float]) -> list[Command]:
+    """Returns the commands in a list of numbers; NaN means no command.
 
     Raises:
-        RequestError: A number is infinite, or so large that MuJoCo would take it for a divergence.
+        RequestError: A number is infinite, or so large that MuJoCo would treat it as a divergence.
     """
     commands = []
-    for place, drive in slots:
-        value = values[place]
-        # NaN is not below either.
-        if abs(value) <= LARGEST:
+    for index, drive in slots:
+        value = values[index]
+        # The comparison is false for NaN too.
+        if abs(value) <= MAX_VALUE:
             commands.append((drive, interface, value))
         elif not math.isnan(value):
             raise RequestError(
                 f"the {interface} of joint {quoted(drive.joint.name)} is {value:g}; it must be finite and below "
-                f"{LARGEST:g}"
+                f"{MAX_VALUE:g}"
             )
     return commands

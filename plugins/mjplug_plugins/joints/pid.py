@@ -1,4 +1,4 @@
-"""PID controllers in a row, computed together before every step, by the law of control_toolbox."""
+"""PID controllers that are computed together before every step, with the control law of control_toolbox."""
 
 import math
 from collections.abc import Sequence
@@ -13,23 +13,23 @@ Array = NDArray[np.float64]
 
 
 class PidBank:
-    """All PIDs that follow one kind of command, positions or velocities.
+    """All PIDs for one kind of command, position or velocity.
 
-    With the error e = setpoint - state, the output is p·e + integral + d·de/dt within the limits; then the integral
-    grows by i·e·dt and is kept within its own. The first error after a start has no derivative. Those that are not
-    running are computed too, which costs nothing beside the rest, but reach no actuator.
+    With the error e = setpoint - state, the output is p·e + integral + d·de/dt, limited. Then the integral grows by
+    i·e·dt and is limited too. The derivative of the first error after a start is zero. PIDs that are not running are
+    computed too, because this is faster than skipping them, but their outputs are not used.
 
     Attributes:
-        count: How many of them run.
-        setpoint: Shape (n,); change it through `follow`.
+        count: Number of running PIDs.
+        setpoint: Setpoints, shape (n,) [rad, m, rad/s or m/s]; call `follow` to change them.
 
     Args:
-        gains: Of each PID.
-        state: What is regulated: `qpos` or `qvel`.
-        places: Where each PID's joint is in it.
-        ctrl: Where the outputs go.
-        actuators: The actuator of each PID, a place in `ctrl`.
-        limits: The lower and upper limits of each actuator's control, besides those of the gains.
+        gains: Gains of each PID.
+        state: The controlled array, `qpos` or `qvel`.
+        indices: Index of each PID's joint in `state`.
+        ctrl: The array `ctrl` of the state, shape (nu,); it gets the outputs.
+        actuators: Id of the actuator of each PID.
+        limits: Lowest and highest control of each actuator, in addition to the limits in the gains.
         dt: Time step [s].
     """
 
@@ -37,14 +37,14 @@ class PidBank:
         self,
         gains: Sequence[PidGains],
         state: Array,
-        places: Sequence[int],
+        indices: Sequence[int],
         ctrl: Array,
         actuators: Sequence[int],
         limits: Sequence[tuple[float, float]],
         dt: float,
     ) -> None:
         count = len(gains)
-        self._state, self._places = state, np.array(places, np.intp)
+        self._state, self._indices = state, np.array(indices, np.intp)
         self._ctrl, self._actuators = ctrl, np.array(actuators, np.intp)
         self._p, self._d_per_dt = _column(gains, "p"), _column(gains, "d") / dt
         self._i_dt = _column(gains, "i") * dt
@@ -54,12 +54,12 @@ class PidBank:
         self._i_min, self._i_max = _column(gains, "i_clamp_min"), _column(gains, "i_clamp_max")
         self._deadband = _column(gains, "error_deadband")
         self._conditional = np.array([g.antiwindup_strategy == "conditional_integration" for g in gains], bool)
-        self._back = np.array([_back_calculation(g) * dt for g in gains])
-        self._plain = not (self._conditional.any() or self._back.any() or self._deadband.any())
+        self._back_gain = np.array([_back_calculation(g) * dt for g in gains])
+        self._no_antiwindup = not (self._conditional.any() or self._back_gain.any() or self._deadband.any())
         self._integrates = bool(self._i_dt.any())
         self._integral_limited = bool(np.isfinite(self._i_min).any() or np.isfinite(self._i_max).any())
-        piece = _piece(self._places)
-        self._in_place = None if piece is None else state[piece]
+        block = _contiguous(self._indices)
+        self._in_place = None if block is None else state[block]
         self.setpoint = np.zeros(count)
         self._setpoints = float_view(self.setpoint)
         self._integral = np.zeros(count)
@@ -70,36 +70,36 @@ class PidBank:
         self._select()
 
     def follow(self, pid: int, setpoint: float) -> None:
-        """Gives a PID its setpoint, and starts it if it does not run [rad, m, rad/s or m/s]."""
+        """Sets the setpoint [rad, m, rad/s or m/s] of a PID, and starts the PID if it is not running."""
         self._setpoints[pid] = setpoint
         if not self._active[pid]:
             self._integral[pid] = 0.0
-            self._last[pid] = setpoint - self._state[self._places[pid]]
+            self._last[pid] = setpoint - self._state[self._indices[pid]]
             self._active[pid] = self._changed = True
             self.count += 1
 
     def stop(self, pid: int) -> None:
-        """Lets a PID's actuator keep the control that it has."""
+        """Stops a PID; its actuator keeps the control."""
         if self._active[pid]:
             self._active[pid], self._changed = False, True
             self.count -= 1
 
     def stop_all(self) -> None:
-        """Stops all of them."""
+        """Stops all PIDs."""
         self._active = [False] * len(self._active)
         self.count, self._changed = 0, True
 
     def runs(self, pid: int) -> bool:
-        """Returns whether a PID runs."""
+        """Returns whether a PID is running."""
         return self._active[pid]
 
     def update(self) -> None:
-        """Writes the controls for the coming step."""
+        """Writes the controls for the next step."""
         if self._changed:
             self._select()
         error, output, unlimited = self._error, self._output, self._unlimited
         if self._in_place is None:
-            self._state.take(self._places, out=error, mode="clip")
+            self._state.take(self._indices, out=error, mode="clip")
             np.subtract(self.setpoint, error, error)
         else:
             np.subtract(self.setpoint, self._in_place, error)
@@ -120,34 +120,34 @@ class PidBank:
     def _integrate(self) -> None:
         error, integral = self._error, self._integral
         growth = self._i_dt * error
-        if not self._plain:
-            surplus = self._output - self._unlimited
-            growth += self._back * surplus
-            pushing = self._conditional & (surplus != 0.0) & (error * self._unlimited > 0.0)
-            growth[pushing | (np.abs(error) <= self._deadband) & (self._deadband > 0.0)] = 0.0
+        if not self._no_antiwindup:
+            excess = self._output - self._unlimited
+            growth += self._back_gain * excess
+            winding_up = self._conditional & (excess != 0.0) & (error * self._unlimited > 0.0)
+            growth[winding_up | (np.abs(error) <= self._deadband) & (self._deadband > 0.0)] = 0.0
         np.add(integral, growth, integral)
         if self._integral_limited:
             np.minimum(integral, self._i_max, out=integral)
             np.maximum(integral, self._i_min, out=integral)
 
     def _select(self) -> None:
-        """Finds out which outputs go where; not at each start, since a command starts those of many joints."""
+        """Selects the outputs to write; deferred to `update`, because one command starts the PIDs of many joints."""
         rows = np.flatnonzero(self._active)
         targets = self._actuators[rows]
-        piece = _piece(targets)
+        block = _contiguous(targets)
         self._changed = False
         self._rows: NDArray[np.intp] | None = rows
-        self._targets: NDArray[np.intp] | slice = targets if piece is None else piece
+        self._targets: NDArray[np.intp] | slice = targets if block is None else block
         self._output = self._outputs
-        if piece is not None and len(rows) == len(self._active):
-            # All of them, side by side: they are computed in their place.
-            self._rows, self._output = None, self._ctrl[piece]
+        if block is not None and len(rows) == len(self._active):
+            # All PIDs run and their controls are contiguous, so the outputs are computed directly in `ctrl`.
+            self._rows, self._output = None, self._ctrl[block]
 
 
-def _piece(places: NDArray[np.intp]) -> slice | None:
-    """Returns places as a slice if they follow each other, as those of a robot's joints mostly do: that is quicker."""
-    if len(places) and (np.diff(places) == 1).all():
-        return slice(int(places[0]), int(places[-1]) + 1)
+def _contiguous(indices: NDArray[np.intp]) -> slice | None:
+    """Returns indices as a slice if they are contiguous, which is faster and common for robots; else None."""
+    if len(indices) and (np.diff(indices) == 1).all():
+        return slice(int(indices[0]), int(indices[-1]) + 1)
     return None
 
 
@@ -156,7 +156,7 @@ def _column(gains: Sequence[PidGains], name: str) -> Array:
 
 
 def _back_calculation(gains: PidGains) -> float:
-    """Returns how fast a limited output pulls the integral back [1/s]; zero if it does not."""
+    """Returns the back-calculation gain, the inverse of the time constant [1/s]; zero without back calculation."""
     if gains.antiwindup_strategy != "back_calculation" or not gains.i:
         return 0.0
     default = math.sqrt(gains.d / gains.i) if gains.d else gains.p / gains.i

@@ -1,4 +1,4 @@
-"""Hinges and slides: the joints that JointState messages can speak of."""
+"""Hinges and slides: the joints that a JointState message can contain."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ class ScalarJoint:
     Attributes:
         name: Its name.
         joint: Its id.
-        qpos: Its place in `qpos` [rad or m].
-        dof: Its place in `qvel` [rad/s or m/s] and among the forces [N·m or N].
+        qpos: Its index in `qpos` [rad or m].
+        dof: Its index in `qvel` [rad/s or m/s] and in the force arrays [N·m or N].
     """
 
     name: str
@@ -28,44 +28,44 @@ class ScalarJoint:
 
 
 def scalar_joints(model: mujoco.MjModel) -> dict[str, ScalarJoint]:
-    """Returns the hinges and slides that have a name, by name, in the order of the model."""
-    found = {}
+    """Returns the hinges and slides with a name, by name, in the order of the model."""
+    joints = {}
     for joint in range(model.njnt):
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
         if name and int(model.jnt_type[joint]) in _SCALAR:
-            found[name] = ScalarJoint(name, joint, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]))
-    return found
+            joints[name] = ScalarJoint(name, joint, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint]))
+    return joints
 
 
 def chosen(joints: dict[str, ScalarJoint], names: Iterable[str], model: mujoco.MjModel) -> list[ScalarJoint]:
-    """Returns the joints of some names, in their order.
+    """Returns the joints with the given names, in the order of the names.
 
     Args:
-        joints: Those there are.
-        names: Those that are wanted.
-        model: The compiled model, to tell a joint of another kind from a wrong name.
+        joints: All hinges and slides, by name.
+        names: The names to select.
+        model: The compiled model, to distinguish a joint of another type from an unknown name.
 
     Raises:
-        UnknownName: There is no such joint.
-        PluginError: It is a ball or a free joint.
+        UnknownName: The model has no such joint.
+        PluginError: The joint is a ball joint or a free joint.
     """
-    found = []
+    selected = []
     for name in names:
         if name not in joints:
             if name and "\0" not in name and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0:
-                raise PluginError(f"joint {name!r} is neither a hinge nor a slide, so it has no single position")
+                raise PluginError(f"joint {name!r} is neither a hinge nor a slide; only these joints are supported")
             raise UnknownName("joint", name, joints)
-        found.append(joints[name])
-    return found
+        selected.append(joints[name])
+    return selected
 
 
-def each_once(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Returns the names, if none comes twice.
+def require_unique(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Returns the names if each is listed once.
 
     Raises:
-        ValueError: One does.
+        ValueError: A name is listed twice.
     """
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ValueError(f"each joint can be listed once only, and {', '.join(map(repr, twice))} comes twice")
+        raise ValueError(f"list each joint once; listed twice: {', '.join(map(repr, twice))}")
     return names

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from mjplug.plugin import CdrFrame, Host, Parameters, Plugin
-from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, each_once, scalar_joints
+from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, require_unique, scalar_joints
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Header
 
@@ -25,26 +25,26 @@ class JointStatePublisherParameters(Parameters):
 
     topic: str = Field(default="{ns}/joint_states", description="Topic name.")
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time [Hz].")
-    joints: Annotated[tuple[str, ...], AfterValidator(each_once)] = Field(
-        default=(), strict=False, description="Joints to publish, in this order; empty means all hinges and slides."
+    joints: Annotated[tuple[str, ...], AfterValidator(require_unique)] = Field(
+        default=(), strict=False, description="Joints to publish, in this order; empty: all hinges and slides."
     )
     order: Literal["model", "actuators"] = Field(
         default="model",
-        description="Order without `joints`: `model`, or `actuators`: those with an actuator first, in their order.",
+        description="Order if `joints` is empty: `model`, or `actuators`: actuated joints first, in actuator order.",
     )
     interfaces: tuple[Interface, ...] = Field(
         default=("position", "velocity", "effort"),
         strict=False,
-        description="What the messages have of each joint: any of `position`, `velocity` and `effort`.",
+        description="Contents of the messages: any of `position`, `velocity` and `effort`.",
     )
-    frame_id: str = Field(default="", description="The frame in the header; joints need none.")
+    frame_id: str = Field(default="", description="Frame in the header; joint states need none.")
 
 
 class JointStatePublisher(Plugin[JointStatePublisherParameters]):
     """Publishes the state of hinges and slides as `sensor_msgs/JointState`.
 
-    Position and velocity are those of the stamp. The effort is what the actuators exerted on the joint, gears included,
-    in the step that ended at the stamp: what they will exert next is not known before the next commands are.
+    Position and velocity are those at the stamp. The effort is the force or torque of the actuators on the joint, gears
+    included, during the step that ended at the stamp, because the next effort depends on commands not yet received.
     """
 
     def init(self, host: Host, parameters: JointStatePublisherParameters) -> None:
@@ -79,12 +79,12 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
         self._publisher.publish_frame(self._message)
 
 
-def _copy(source: NDArray[np.float64], places: list[int], target: NDArray[Any]) -> Callable[[], object]:
-    """Returns what copies some elements of an array; in one piece if they follow each other, as a robot's joints do."""
-    if all(b == a + 1 for a, b in pairwise(places)):
-        there, here = source.data.cast("B").cast("d")[places[0] : places[-1] + 1], target.data.cast("B").cast("d")
-        return partial(here.__setitem__, slice(None), there)
-    return partial(source.take, np.array(places, np.intp), out=target, mode="clip")
+def _copy(source: NDArray[np.float64], indices: list[int], target: NDArray[Any]) -> Callable[[], object]:
+    """Returns a function that copies elements of an array; contiguous elements, which are common, in one block."""
+    if all(b == a + 1 for a, b in pairwise(indices)):
+        from_, to = source.data.cast("B").cast("d")[indices[0] : indices[-1] + 1], target.data.cast("B").cast("d")
+        return partial(to.__setitem__, slice(None), from_)
+    return partial(source.take, np.array(indices, np.intp), out=target, mode="clip")
 
 
 def _joints(host: Host, parameters: JointStatePublisherParameters) -> list[ScalarJoint]:
@@ -92,7 +92,7 @@ def _joints(host: Host, parameters: JointStatePublisherParameters) -> list[Scala
     if parameters.joints:
         return chosen(joints, parameters.joints, host.model)
     if not joints:
-        host.logger.warning("the model has no named hinge or slide: the messages are empty")
+        host.logger.warning("the model has no hinge or slide with a name: the messages are empty")
     if parameters.order == "actuators":
         actuated = (name for name in map(partial(_driven, host.model), range(host.model.nu)) if name in joints)
         return [joints[name] for name in dict.fromkeys([*actuated, *joints])]
@@ -100,7 +100,7 @@ def _joints(host: Host, parameters: JointStatePublisherParameters) -> list[Scala
 
 
 def _driven(model: mujoco.MjModel, actuator: int) -> str:
-    """Returns the joint that an actuator drives; of a tendon or site, the actuator's own name is that of a joint."""
+    """Returns the name of the joint that an actuator drives, else the actuator's name, which may be a joint's name."""
     if int(model.actuator_trntype[actuator]) in _JOINT_TRANSMISSIONS:
         return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, int(model.actuator_trnid[actuator, 0])) or ""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator) or ""

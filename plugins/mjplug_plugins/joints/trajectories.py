@@ -1,4 +1,4 @@
-"""The trajectories that are under way, and which joint each of them moves."""
+"""The running trajectories and the joints that each of them moves."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,15 +6,15 @@ from numpy.typing import NDArray
 from mjplug.plugin import Host, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
-from mjplug_plugins.joints.route import Drive
-from mjplug_plugins.joints.trajectory import Motion, check
+from mjplug_plugins.joints.outputs import Drive
+from mjplug_plugins.joints.trajectory import Motion, validate
 from mjplug_schemas.trajectory_msgs import JointTrajectory
 
 Array = NDArray[np.float64]
 
 
 class _Track:
-    """A motion and the joints that it still moves."""
+    """A motion, and the joints that it moves with their indices in the motion."""
 
     def __init__(self, motion: Motion, drives: list[Drive]) -> None:
         self.motion = motion
@@ -22,15 +22,15 @@ class _Track:
 
 
 class Trajectories:
-    """Starts, replaces and plays trajectories. A joint is in one of them at most.
+    """Starts, replaces and executes trajectories. At most one of them moves a joint.
 
     Attributes:
-        running: Whether any joint is under way.
+        running: Whether a trajectory moves any joint.
 
     Args:
-        host: For the time and the state.
-        joints: What can be commanded.
-        from_desired: Whether a motion starts where the joint was told to be, instead of where it is.
+        host: Provides the time and the state.
+        joints: The commandable joints.
+        from_desired: Whether a motion starts at the last commanded position instead of the current position.
     """
 
     def __init__(self, host: Host, joints: JointDrives, from_desired: bool) -> None:
@@ -40,27 +40,27 @@ class Trajectories:
 
     @property
     def count(self) -> int:
-        """Joints that are under way."""
+        """Number of joints that a trajectory moves."""
         return sum(len(track.drives) for track in self._tracks)
 
     def start(self, trajectory: JointTrajectory) -> None:
-        """Lets joints follow a trajectory; one without points stops them where they are.
+        """Starts a trajectory; a trajectory without points stops its joints at their current positions.
 
         Raises:
-            RequestError: Something in it is wrong; the joints go on as before.
+            RequestError: The trajectory is invalid; the joints continue as before.
         """
-        drives = self._drives(trajectory)
+        drives = self._find_drives(trajectory)
         if not trajectory.points:
             for drive in drives:
                 self.drop(drive)
                 drive.command("position", float(self._host.data.qpos[drive.joint.qpos]))
             return
         now = self._host.time_ns
-        check(trajectory, now)
+        validate(trajectory, now)
         position = np.array([self._host.data.qpos[drive.joint.qpos] for drive in drives])
         velocity = np.array([self._host.data.qvel[drive.joint.dof] for drive in drives])
         if self._from_desired:
-            self._take_desired(drives, position, velocity)
+            self._use_desired(drives, position, velocity)
         motion = Motion(trajectory, now, position, velocity)
         for drive in drives:
             self.drop(drive)
@@ -68,19 +68,19 @@ class Trajectories:
         self.running = True
 
     def drop(self, drive: Drive) -> None:
-        """Takes a joint out of its trajectory."""
+        """Removes a joint from its trajectory."""
         if self.running:
             for track in self._tracks:
                 track.drives.pop(drive, None)
-            self._sweep()
+            self._remove_finished()
 
     def clear(self) -> None:
-        """Ends all of them."""
+        """Stops all trajectories."""
         self._tracks.clear()
         self.running = False
 
     def update(self) -> None:
-        """Tells each joint where to be at this moment."""
+        """Commands the positions of the current time."""
         now = self._host.time_ns
         ended = False
         for track in self._tracks:
@@ -91,13 +91,13 @@ class Trajectories:
                 track.drives.clear()
                 ended = True
         if ended:
-            self._sweep()
+            self._remove_finished()
 
-    def _sweep(self) -> None:
+    def _remove_finished(self) -> None:
         self._tracks = [track for track in self._tracks if track.drives]
         self.running = bool(self._tracks)
 
-    def _drives(self, trajectory: JointTrajectory) -> list[Drive]:
+    def _find_drives(self, trajectory: JointTrajectory) -> list[Drive]:
         names = trajectory.joint_names
         if not names:
             raise RequestError("joint_names is empty")
@@ -105,24 +105,24 @@ class Trajectories:
         for index, name in enumerate(names):
             drive = self._joints.find(name)
             if drive in drives:
-                raise RequestError(f"joint_names[{index}]: {quoted(name)} comes twice")
-            if "position" not in drive.routes:
+                raise RequestError(f"joint_names[{index}]: {quoted(name)} is listed twice")
+            if "position" not in drive.outputs:
                 raise RequestError(
-                    f"joint {quoted(name)} takes {' and '.join(drive.routes) or 'nothing'}, no positions; "
-                    f"pid_gains.position.{name} would let it"
+                    f"joint {quoted(name)} accepts {drive.accepted} commands, not position; "
+                    f"set pid_gains.position.{name} to allow it"
                 )
             drives[drive] = None
         return list(drives)
 
-    def _take_desired(self, drives: list[Drive], position: Array, velocity: Array) -> None:
-        """Puts what joints were told in the place of what they do, where they were told a position."""
+    def _use_desired(self, drives: list[Drive], position: Array, velocity: Array) -> None:
+        """Replaces the current positions and velocities by the commanded ones, for joints with a position command."""
         now = self._host.time_ns
         for index, drive in enumerate(drives):
             if drive.desired is not None:
                 position[index], velocity[index] = drive.desired, 0.0
         for track in self._tracks:
-            told, speeds = track.motion.at(now), track.motion.velocity_at(now)
+            positions, velocities = track.motion.at(now), track.motion.velocity_at(now)
             for drive, row in track.drives.items():
                 if drive in drives:
                     index = drives.index(drive)
-                    position[index], velocity[index] = told[row], speeds[row]
+                    position[index], velocity[index] = positions[row], velocities[row]

@@ -1,4 +1,4 @@
-"""Motions of joints from point to point, interpolated as joint_trajectory_controller does."""
+"""Motions of joints through trajectory points, with the interpolation of joint_trajectory_controller."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mjplug.plugin import RequestError
 from mjplug.plugin.bundled import float_view
-from mjplug_plugins.joints.route import LARGEST
+from mjplug_plugins.joints.outputs import MAX_VALUE
 from mjplug_schemas.builtin_interfaces import Duration, Time
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
 
@@ -16,22 +16,21 @@ Array = NDArray[np.float64]
 
 _SECOND = 1_000_000_000
 
-_FARTHEST = 86_400 * _SECOND
-"""How far ahead a motion may begin; a stamp beyond is in another time, such as that of the wall [ns]."""
+_MAX_START_DELAY = 86_400 * _SECOND
+"""Longest time until a motion starts [ns]; a later stamp is probably wall time, not simulated time."""
 
 
 class Motion:
     """The positions of some joints over time.
 
-    Between two points that both have positions alone it is linear; where both have velocities too, cubic; where both
-    have accelerations besides, quintic. It begins at the joints' state when it was asked for. After the last point it
-    stays there.
+    The interpolation between two points is linear if one of them has positions only, cubic if both have velocities, and
+    quintic if both also have accelerations. The motion starts at the given state and stays at the last point.
 
     Args:
-        trajectory: What was asked for; it has been checked.
+        trajectory: A valid trajectory with points; see `validate`.
         now: Simulated time [ns].
-        position: Where the joints are, in the order of their names in the trajectory, shape (n,) [rad or m].
-        velocity: How fast they are, shape (n,) [rad/s or m/s].
+        position: Start positions, in the order of `joint_names`, shape (n,) [rad or m].
+        velocity: Start velocities, in the order of `joint_names`, shape (n,) [rad/s or m/s].
     """
 
     def __init__(self, trajectory: JointTrajectory, now: int, position: Array, velocity: Array) -> None:
@@ -46,10 +45,10 @@ class Motion:
         self.end = self._times[-1]
 
     def at(self, time: int) -> Array:
-        """Returns the positions at a time not before that of the last call, shape (n,) [rad or m].
+        """Returns the positions at a time, shape (n,) [rad or m].
 
         Args:
-            time: Simulated time [ns].
+            time: Simulated time, not before that of the last call [ns].
         """
         if time >= self.end:
             return np.array(self._points[-1].positions, float)
@@ -69,7 +68,7 @@ class Motion:
         return positions
 
     def velocity_at(self, time: int) -> Array:
-        """Returns the velocities at a time, after `at` was called for it, shape (n,) [rad/s or m/s]."""
+        """Returns the velocities at a time, shape (n,) [rad/s or m/s]; call `at` for the same time first."""
         if time >= self.end or not len(self._coefficients):
             return np.zeros(self._coefficients.shape[1])
         t = (time - self._times[self._segment]) / _SECOND
@@ -79,7 +78,7 @@ class Motion:
         return velocities
 
     def _polynomial(self, segment: int) -> Array:
-        """Returns the coefficients of a segment, those of t⁰ first, shape (2, 4 or 6; n)."""
+        """Returns the polynomial coefficients of a segment, t⁰ first, shape (k, n) with k = 2, 4 or 6."""
         a, b = self._points[segment], self._points[segment + 1]
         seconds = (self._times[segment + 1] - self._times[segment]) / _SECOND
         x0, x1 = np.array(a.positions, float), np.array(b.positions, float)
@@ -96,13 +95,13 @@ class Motion:
 
 
 def _hermite(begin: Sequence[Array], end: Sequence[Array], seconds: float) -> Array:
-    """Returns the polynomial that has the given value and derivatives at both ends, by solving for its upper half."""
+    """Returns the coefficients, shape (2 k, n), of the polynomial with the given k derivatives at both ends."""
     orders = len(begin)
     lower = [value / math.factorial(k) for k, value in enumerate(begin)]
     powers = range(orders, 2 * orders)
     matrix, rest = np.empty((orders, orders)), np.empty((orders, len(begin[0])))
     for row in range(orders):
-        # In units of the segment's length, so that short and long ones are alike well conditioned.
+        # In units of the segment's duration, so that the matrix is well conditioned for every duration.
         matrix[row] = [math.perm(k, row) for k in powers]
         known = sum(math.perm(k, row) * seconds ** (k - row) * lower[k] for k in range(row, orders))
         rest[row] = (end[row] - known) * seconds**row
@@ -110,15 +109,15 @@ def _hermite(begin: Sequence[Array], end: Sequence[Array], seconds: float) -> Ar
     return np.stack([*lower, *(upper[i] / seconds**k for i, k in enumerate(powers))])
 
 
-def check(trajectory: JointTrajectory, now: int) -> None:
-    """Checks the numbers of a trajectory that has points.
+def validate(trajectory: JointTrajectory, now: int) -> None:
+    """Checks the numbers of a trajectory that contains points.
 
     Args:
-        trajectory: Its names have been checked.
+        trajectory: A trajectory whose names are valid.
         now: Simulated time [ns].
 
     Raises:
-        RequestError: Something is wrong with it; the sentence says where.
+        RequestError: A value is invalid; the message says which.
     """
     count, before = len(trajectory.joint_names), -1
     for index, point in enumerate(trajectory.points):
@@ -127,29 +126,29 @@ def check(trajectory: JointTrajectory, now: int) -> None:
         for name in ("positions", "velocities", "accelerations"):
             values = getattr(point, name)
             if values and len(values) != count:
-                raise RequestError(f"points[{index}].{name} has {len(values)} numbers for {count} joints")
-            # The sum is quick, and NaN too makes it wrong: physics waits while a long trajectory is looked at.
-            if not sum(map(abs, values)) <= LARGEST:
-                for wrong in (value for value in values if not abs(value) <= LARGEST):
+                raise RequestError(f"points[{index}].{name} contains {len(values)} numbers for {count} joints")
+            # The sum detects NaN too and is fast: physics waits while a long trajectory is checked.
+            if not sum(map(abs, values)) <= MAX_VALUE:
+                for wrong in (value for value in values if not abs(value) <= MAX_VALUE):
                     raise RequestError(
-                        f"points[{index}].{name} has {wrong:g}; numbers must be finite and below {LARGEST:g}"
+                        f"points[{index}].{name} contains {wrong:g}; numbers must be finite and below {MAX_VALUE:g}"
                     )
         time = _ns(point.time_from_start)
         if time <= before:
             raise RequestError(
-                f"points[{index}].time_from_start is {time / _SECOND:g} s; times must increase strictly, from 0 on"
+                f"points[{index}].time_from_start is {time / _SECOND:g} s; times must not be negative and must increase"
             )
         before = time
     begin = _ns(trajectory.header.stamp)
     if begin and begin + before < now:
         raise RequestError(
-            f"it ends at t = {(begin + before) / _SECOND:g} s, in the past: now it is {now / _SECOND:g} s; "
-            "a zero stamp starts it at once"
+            f"the trajectory ends at {(begin + before) / _SECOND:g} s, but simulated time is {now / _SECOND:g} s; "
+            "a zero stamp starts it immediately"
         )
-    if begin > now + _FARTHEST:
+    if begin > now + _MAX_START_DELAY:
         raise RequestError(
             f"header.stamp is {begin / _SECOND:g} s, but simulated time is {now / _SECOND:g} s; "
-            "give simulated time (use_sim_time), or zero for at once"
+            "set it to simulated time (use_sim_time), or to zero to start immediately"
         )
 
 

@@ -1,4 +1,4 @@
-"""Casts lidar rays in a process of its own, and publishes them as laser scans and point clouds."""
+"""Casts lidar rays in a worker process and publishes laser scans and point clouds."""
 
 from mjplug_plugins.lidar.plugin import Lidar
 

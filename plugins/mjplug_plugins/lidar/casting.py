@@ -1,8 +1,9 @@
-"""Casts many rays at once, each with the result of `mj_ray`.
+"""Casts many rays at once with the same results as `mj_ray`.
 
-`mj_multiRay` alone misses geoms: the sphere around a body, from which it tells whether a ray may meet it, is that of
-its colliding geoms only, and its centre is not turned with the body; and a plane counts as far away as its origin. The
-spheres, and which geoms are whose, are data of the model. So rays are cast in a copy whose data say what is true.
+`mj_multiRay` on the original model misses geoms. It tests a bounding sphere of each body first, but that sphere
+contains only the colliding geoms, and its centre does not rotate with the body. It also treats a plane as if it were
+only at its origin. The spheres and the assignment of geoms to bodies are stored in the model, so this module casts rays
+in a copy of the model with corrected spheres.
 """
 
 import copy
@@ -15,36 +16,36 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-EVERYWHERE = 1e10
-"""Radius of what has no end [m]; MuJoCo's own largest number."""
+INFINITE_RADIUS = 1e10
+"""Bounding radius of geoms without an end, such as planes [m]; MuJoCo's largest number."""
 
-_WORTH_A_SPHERE = 3
-"""Geoms of a body from which on a sphere around them saves time; MuJoCo tests the angles of each geom besides."""
+_MIN_GEOMS_FOR_SPHERE = 3
+"""A bounding sphere saves time for bodies with at least this many geoms; MuJoCo tests the angles of each geom too."""
 
-_WORTH_A_THREAD = 1024
-"""Rays from which on a further thread saves time."""
+_RAYS_PER_THREAD = 1024
+"""Number of rays for which one more thread saves time."""
 
 _GROUPS = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 
 
 class Caster:
-    """Casts rays into states of one model.
+    """Casts rays in states of one model.
 
     Args:
-        model: The model; it is left as it is.
-        threads: How many cast at the same time, each with an mjData of its own.
+        model: The compiled model; it is not changed.
+        threads: Number of threads; each uses its own mjData.
     """
 
     def __init__(self, model: mujoco.MjModel, threads: int = 1) -> None:
         self._model = casting_model(model)
-        self._shown: NDArray[np.int32] | None = None
-        self._others = [mujoco.MjData(self._model) for _ in range(threads - 1)]
+        self._current_groups: NDArray[np.int32] | None = None
+        self._extra_data = [mujoco.MjData(self._model) for _ in range(threads - 1)]
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     def pose(self, data: mujoco.MjData) -> None:
-        """Takes up a state, with its kinematics; `data` must stay as it is while rays are cast."""
+        """Sets the state to cast rays in: current kinematics, which must not change while rays are cast."""
         self._data = data
-        for other in self._others:
+        for other in self._extra_data:
             other.geom_xpos[:] = data.geom_xpos
             other.geom_xmat[:] = data.geom_xmat
             other.xipos[:] = data.xipos
@@ -54,23 +55,23 @@ class Caster:
         origin: Array,
         rays: Array,
         groups: NDArray[np.int32],
-        farthest: float,
+        cutoff: float,
         distances: Array,
         geoms: NDArray[np.int32],
     ) -> None:
         """Casts rays from one point.
 
         Args:
-            origin: The point, shape (3,), in the world [m].
-            rays: Their directions, shape (n, 3), unit vectors in the world.
-            groups: 0 for each geom that is seen, 1 for the others, shape (ngeom,); not to be written to later.
-            farthest: What is farther may be found or not [m].
-            distances: Gets the distance to the nearest geom, -1 for none, shape (n,) [m].
-            geoms: Gets the ids of these geoms, -1 for none, shape (n,).
+            origin: The point in the world frame, shape (3,) [m].
+            rays: Directions of the rays, unit vectors in the world frame, shape (n, 3).
+            groups: 0 for each visible geom, 1 for the others, shape (ngeom,); the caller must not change it later.
+            cutoff: Geoms beyond this distance may be missing from the result [m].
+            distances: Output: distance to the nearest geom, -1 for none, shape (n,) [m].
+            geoms: Output: ids of these geoms, -1 for none, shape (n,).
         """
-        if groups is not self._shown:
+        if groups is not self._current_groups:
             self._model.geom_group[:] = groups
-            self._shown = groups
+            self._current_groups = groups
 
         def part(data: mujoco.MjData, begin: int, end: int) -> None:
             mujoco.mj_multiRay(
@@ -85,50 +86,52 @@ class Caster:
                 distances[begin:end],
                 None,
                 end - begin,
-                farthest,
+                cutoff,
             )
 
         count = len(rays)
-        parts = min(1 + len(self._others), max(1, count // _WORTH_A_THREAD))
+        parts = min(1 + len(self._extra_data), max(1, count // _RAYS_PER_THREAD))
         if self._pool is None or parts == 1:
             part(self._data, 0, count)
             return
         edges = [count * i // parts for i in range(parts + 1)]
         waiting = [
             self._pool.submit(part, other, begin, end)
-            for other, begin, end in zip(self._others, edges[1:], edges[2:], strict=False)
+            for other, begin, end in zip(self._extra_data, edges[1:], edges[2:], strict=False)
         ]
         part(self._data, edges[0], edges[1])
         for future in waiting:
             future.result()
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Stops the threads."""
         if self._pool is not None:
             self._pool.shutdown()
 
 
 def casting_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Returns a copy in which `mj_multiRay` finds what `mj_ray` finds; it is of no other use."""
+    """Returns a copy in which `mj_multiRay` finds what `mj_ray` finds; use the copy for ray casting only."""
     model = copy.copy(model)
     roots = model.body_bvhadr.copy()
     endless = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) | (model.geom_rbound <= 0)
-    model.geom_rbound[endless] = EVERYWHERE
-    # What bounds a geom's angles is cut as close as possible; a ray along an edge must not depend on rounding.
+    model.geom_rbound[endless] = INFINITE_RADIUS
+    # MuJoCo's angle bounds are exact; the margin makes a ray along an edge independent of rounding.
     model.geom_aabb[:, 3:] += 1e-9 * (1.0 + model.geom_aabb[:, 3:])
     if not (roots >= 0).any():
-        # Without any such data, MuJoCo tries every geom.
+        # Without bounding volumes, MuJoCo tests every geom.
         return model
     nodes = {int(body): int(roots[body]) for body in np.flatnonzero(roots >= 0)}
     radii = _radii(model)
-    alone = {body for body in nodes if model.body_geomnum[body] >= _WORTH_A_SPHERE and radii[body] < EVERYWHERE}
-    # One node must be left for the bodies without a sphere of their own.
+    alone = {
+        body for body in nodes if model.body_geomnum[body] >= _MIN_GEOMS_FOR_SPHERE and radii[body] < INFINITE_RADIUS
+    }
+    # The bodies without their own sphere share one node.
     spare = next((body for body in nodes if body not in alone), None)
     if spare is None:
         spare = next(iter(alone))
         alone.remove(spare)
     shared = nodes[spare]
-    model.bvh_aabb[shared] = (0, 0, 0, EVERYWHERE, 0, 0)
+    model.bvh_aabb[shared] = (0, 0, 0, INFINITE_RADIUS, 0, 0)
     numbers, model.body_geomnum[:], model.body_bvhadr[:] = model.body_geomnum.copy(), 0, -1
     for first, start, count in _runs(numbers, alone):
         model.body_geomadr[first], model.body_geomnum[first] = start, count
@@ -139,18 +142,18 @@ def casting_model(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _radii(model: mujoco.MjModel) -> Array:
-    """Returns how far the geoms of each body reach from its centre of mass, where MuJoCo puts its sphere [m]."""
+    """Returns the radius of each body's geoms around its centre of mass, the sphere's centre, shape (nbody,) [m]."""
     radii = np.zeros(model.nbody)
-    away = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1)
-    np.maximum.at(radii, model.geom_bodyid, (away + model.geom_rbound) * (1.0 + 1e-9) + 1e-9)
+    offsets = np.linalg.norm(model.geom_pos - model.body_ipos[model.geom_bodyid], axis=1)
+    np.maximum.at(radii, model.geom_bodyid, (offsets + model.geom_rbound) * (1.0 + 1e-9) + 1e-9)
     return radii
 
 
 def _runs(numbers: NDArray[np.int32], alone: set[int]) -> Iterator[tuple[int, int, int]]:
-    """Yields which body shall have which geoms: its id, its first geom and how many.
+    """Yields the geoms to assign to each body: body id, first geom id and number of geoms.
 
-    The geoms of a model are in the order of their bodies. Each body in `alone` keeps its own; those of bodies in a row
-    between such are joined.
+    The geoms of a model are in the order of their bodies. Each body in `alone` keeps its own geoms. The geoms of other
+    consecutive bodies are joined.
     """
     first, start, count = -1, 0, 0
     for body, number in enumerate(numbers.tolist()):

@@ -1,4 +1,4 @@
-"""The parameters of the plugin and of each of its lidars."""
+"""Parameters of the plugin and of each lidar."""
 
 from typing import Annotated, Literal
 
@@ -7,13 +7,13 @@ from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_v
 from mjplug.plugin import NestedParameters, Parameters, Priority
 
 
-def _listed(value: object) -> object:
-    """One value is a list of one."""
+def _as_list(value: object) -> object:
+    """Returns a single value as a list of one element."""
     return [value] if isinstance(value, int | float | str) and not isinstance(value, bool) else value
 
 
 _HALF_TURN = 3.1416
-"""As angles in files are rounded [rad]."""
+"""Half a turn, rounded up because angles in files are rounded [rad]."""
 
 Angle = Annotated[float, Field(ge=-_HALF_TURN, le=_HALF_TURN)]
 
@@ -21,12 +21,14 @@ Flag = Literal[0, 1]
 
 
 class LidarParameters(Parameters):
-    """Parameters of one lidar, under its name; what is not given is as in the model."""
+    """Parameters of one lidar, under its name; a missing parameter has the value from the model."""
 
-    site: str | None = Field(default=None, description="Site it is at; needed for a lidar that the model lacks.")
-    frame_name: str | None = Field(default=None, description="Frame of the messages; the site's name by default.")
+    site: str | None = Field(
+        default=None, description="Site of the lidar; required for a lidar that is not in the model."
+    )
+    frame_name: str | None = Field(default=None, description="Frame of the messages; default: the name of the site.")
     topic: str | None = Field(
-        default=None, description="Topic name; `{ns}/scan` by default, `{ns}/points` with several rows."
+        default=None, description="Topic name; default: `{ns}/scan`, or `{ns}/points` with several rows."
     )
     resolution: Annotated[tuple[int, int], Field(strict=False)] | None = Field(
         default=None, description="Columns and rows of rays."
@@ -35,38 +37,40 @@ class LidarParameters(Parameters):
         default=None, description="Angle of the first and the last column, from the x axis towards y [rad]."
     )
     elevation_range: (
-        Annotated[tuple[Angle, ...], BeforeValidator(_listed), Field(strict=False, min_length=1, max_length=2)] | None
-    ) = Field(default=None, description="Angle of the lowest and the highest row; one for a single row [rad].")
-    endpoint: bool = Field(default=True, description="Whether there is a column at the end of azimuth_range.")
+        Annotated[tuple[Angle, ...], BeforeValidator(_as_list), Field(strict=False, min_length=1, max_length=2)] | None
+    ) = Field(default=None, description="Angle of the lowest and the highest row; one angle for a single row [rad].")
+    endpoint: bool = Field(default=True, description="Whether the last column is at the end of azimuth_range.")
     min_range: float | None = Field(default=None, ge=0, description="Shortest distance that can be measured [m].")
     max_range: float | None = Field(default=None, gt=0, description="Longest distance that can be measured [m].")
     update_rate: float | None = Field(
-        default=None, ge=0, description="Scans per second of simulated time; 0 is one at every step [Hz]."
+        default=None, ge=0, description="Scans per second of simulated time; 0: one scan at every step [Hz]."
     )
     geomgroup: (
         Literal["all", "colliding"] | Annotated[tuple[Flag, Flag, Flag, Flag, Flag, Flag], Field(strict=False)]
-    ) = Field(default="all", description="Geom groups that are seen.")
-    exclude_body: Annotated[tuple[str, ...], BeforeValidator(_listed), Field(strict=False)] | None = Field(
-        default=None, description="Bodies that are not seen; the site's own by default."
+    ) = Field(default="all", description="Geom groups that the rays hit.")
+    exclude_body: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(strict=False)] | None = Field(
+        default=None, description="Bodies that the rays pass through; default: the body of the site."
     )
-    noise_std: float = Field(default=0.0, ge=0, description="Standard deviation of gaussian noise on distances [m].")
-    dropout: float = Field(default=0.0, ge=0, le=1, description="Probability that a ray gets no answer.")
+    noise_std: float = Field(
+        default=0.0, ge=0, description="Standard deviation of the Gaussian noise of the distances [m]."
+    )
+    dropout: float = Field(default=0.0, ge=0, le=1, description="Probability that a ray has no return.")
     no_return: Literal["rep117"] | Annotated[float, Field(allow_inf_nan=True)] = Field(
-        default="rep117", description="What a scan has for a ray without a distance."
+        default="rep117", description="Value in a LaserScan for a ray without a distance [m]; `rep117`: inf or -inf."
     )
 
     @field_validator("resolution")
     @classmethod
     def _counts(cls, resolution: tuple[int, int] | None) -> tuple[int, int] | None:
         if resolution is not None and min(resolution) < 1:
-            raise ValueError(f"columns and rows must be above 0, not {resolution[0]} and {resolution[1]}")
+            raise ValueError(f"columns and rows must be at least 1, not {resolution[0]} and {resolution[1]}")
         return resolution
 
     @field_validator("azimuth_range", "elevation_range")
     @classmethod
     def _in_order(cls, angles: tuple[float, ...] | None) -> tuple[float, ...] | None:
         if angles is not None and len(angles) == 2 and angles[0] >= angles[1]:
-            raise ValueError(f"the first angle, {angles[0]:g}, must be below the second, {angles[1]:g}")
+            raise ValueError(f"the first angle ({angles[0]:g}) must be below the second ({angles[1]:g})")
         return angles
 
     @field_validator("max_range")
@@ -74,12 +78,12 @@ class LidarParameters(Parameters):
     def _above_min_range(cls, max_range: float | None, info: ValidationInfo) -> float | None:
         low = info.data.get("min_range")
         if max_range is not None and low is not None and max_range <= low:
-            raise ValueError(f"{max_range:g} is not above min_range, which is {low:g}")
+            raise ValueError(f"max_range ({max_range:g}) must be above min_range ({low:g})")
         return max_range
 
 
 class PluginParameters(Parameters):
-    """Parameters of Lidar; every other name is that of a lidar, with LidarParameters below it."""
+    """Parameters of Lidar; every other key is the name of a lidar and contains LidarParameters."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Annotated[LidarParameters, NestedParameters]]
@@ -88,12 +92,12 @@ class PluginParameters(Parameters):
     sync: bool = Field(default=False, description="Whether physics waits for each scan.")
     priority: Priority = Field(
         default="low",
-        description="Processor time for casting beside other programs: `idle` only what is left over, `low` less than "
-        "others, `normal` as much as others.",
+        description="Processor time for casting compared with other programs: `idle`: only unused time, `low`: less, "
+        "`normal`: the same.",
     )
     job_timeout: float = Field(
         default=60.0,
         gt=0,
-        description="How long casting may take before its process is replaced [s]; waiting for a processor does not "
-        "count.",
+        description="Longest time for casting before the worker process is restarted [s]; time in which it waits for a "
+        "processor does not count.",
     )

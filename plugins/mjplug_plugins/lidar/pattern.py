@@ -1,4 +1,4 @@
-"""In which directions a lidar casts: a grid of angles in the frame of its site, x forward, y left, z up."""
+"""Directions of a lidar's rays: a grid of angles in the frame of its site, x forward, y left, z up."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,8 +7,8 @@ from mjplug_plugins.lidar.settings import Settings
 
 Array = NDArray[np.float64]
 
-_PIECE = 8192
-"""Rays turned at a time; for more, numpy may start threads, which on a busy machine wait for each other."""
+_CHUNK_SIZE = 8192
+"""Rays rotated at a time; for more, numpy may start threads, which wait for each other on a busy machine."""
 
 
 def azimuths(settings: Settings) -> Array:
@@ -22,34 +22,35 @@ def elevations(settings: Settings) -> Array:
 
 
 def directions(settings: Settings) -> Array:
-    """Returns the unit vector of each ray, row after row, shape (rows * columns, 3), in the axes of the site."""
+    """Returns the unit vector of each ray in the site frame, row after row, shape (rows * columns, 3)."""
     azimuth, elevation = np.meshgrid(azimuths(settings), elevations(settings))
     level = np.cos(elevation)
     return np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)], axis=-1).reshape(-1, 3)
 
 
 class Rays:
-    """The rays of a lidar in the world.
+    """The directions of a lidar's rays in the world frame.
 
     Attributes:
-        rays: Their directions, row after row, shape (rows * columns, 3).
+        rays: Unit vectors in the world frame, row after row, shape (rows * columns, 3).
 
     Args:
-        settings: The lidar.
+        settings: Settings of the lidar.
     """
 
     def __init__(self, settings: Settings) -> None:
         local = directions(settings)
         self.rays = np.empty_like(local)
-        self._pieces = [
-            (local[begin : begin + _PIECE], self.rays[begin : begin + _PIECE]) for begin in range(0, len(local), _PIECE)
+        self._chunks = [
+            (local[begin : begin + _CHUNK_SIZE], self.rays[begin : begin + _CHUNK_SIZE])
+            for begin in range(0, len(local), _CHUNK_SIZE)
         ]
 
-    def turn(self, axes: Array) -> None:
-        """Brings `rays` into the world.
+    def rotate(self, axes: Array) -> None:
+        """Rotates the directions from the site frame to the world frame and writes them to `rays`.
 
         Args:
-            axes: The axes of the site in the world, one a column, shape (3, 3).
+            axes: Rotation matrix of the site in the world frame, shape (3, 3).
         """
-        for local, rays in self._pieces:
+        for local, rays in self._chunks:
             np.matmul(local, axes.T, out=rays)

@@ -1,4 +1,4 @@
-"""What one lidar is to do, complete: the model's word, and the configuration's above it."""
+"""Complete settings of one lidar: the values of the configuration, else those of the model, else defaults."""
 
 from dataclasses import dataclass
 
@@ -9,39 +9,39 @@ from mjplug.plugin.bundled import LidarSensor
 from mjplug_plugins.lidar.parameters import LidarParameters
 
 DEFAULT_RATE = 10.0
-"""Scans per second of a lidar that the model does not have [Hz]."""
+"""Scans per second of a lidar that is only configured [Hz]."""
 
 DEFAULT_MODEL_RATE = 1.0
-"""Scans per second of a lidar of the model that does not say [Hz]; so has mujoco_ros2_control."""
+"""Scans per second of a lidar of the model without update_rate [Hz]; the same as in mujoco_ros2_control."""
 
-MOST_RAYS = 5_000_000
-"""More are a mistake, or a message that nobody can carry."""
+MAX_RAYS = 5_000_000
+"""Largest number of rays of a lidar; more are a mistake or make messages too large to send."""
 
 _REQUIRED = ("site", "resolution", "azimuth_range", "elevation_range", "max_range")
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """One lidar.
+    """Settings of one lidar.
 
     Attributes:
         name: Its name.
         site: The id of its site.
         frame_name: The frame of its messages.
         topic: Its topic.
-        columns: How many rays side by side.
-        rows: How many rays one above the other.
-        azimuth_range: The first and the last azimuth [rad].
-        elevation_range: The lowest and the highest elevation [rad]; the same with one row.
-        endpoint: Whether there is a column at the last azimuth.
-        min_range: The shortest distance [m].
-        max_range: The longest distance [m].
-        update_rate: Scans per second; 0 is every step [Hz].
-        hidden: For each geom, whether the rays pass through it.
-        noise_std: Standard deviation of the distances [m].
-        dropout: Probability that a ray gets no answer.
-        no_return: What a scan has for such a ray; None is what REP 117 says.
-        seed: Where the noise starts from.
+        columns: Number of rays in a row.
+        rows: Number of rows.
+        azimuth_range: First and last azimuth [rad].
+        elevation_range: Lowest and highest elevation [rad]; the same with one row.
+        endpoint: Whether the last column is at the last azimuth.
+        min_range: Shortest distance that can be measured [m].
+        max_range: Longest distance that can be measured [m].
+        update_rate: Scans per second of simulated time; 0: at every step [Hz].
+        hidden: For each geom, whether the rays pass through it; length ngeom.
+        noise_std: Standard deviation of the noise of the distances [m].
+        dropout: Probability that a ray has no return.
+        no_return: Value in a LaserScan for a ray without a distance [m]; None: inf and -inf, as REP 117 defines.
+        seed: Seed of the noise.
     """
 
     name: str
@@ -66,25 +66,25 @@ class Settings:
 def settings_of(
     model: mujoco.MjModel, name: str, sensor: LidarSensor | None, given: LidarParameters, seed: tuple[int, ...]
 ) -> Settings:
-    """Puts together what the model and the configuration say.
+    """Combines the values of the model and of the configuration.
 
     Args:
-        model: The model.
+        model: The compiled model.
         name: The lidar's name.
-        sensor: What the model says of it; None if nothing.
-        given: What the configuration says.
-        seed: Where the noise starts from.
+        sensor: The lidar in the model; None if it is only configured.
+        given: The parameters in the configuration.
+        seed: Seed of the noise.
 
     Raises:
-        PluginError: They do not fit together, or something is missing.
-        UnknownName: There is no such site or body.
+        PluginError: A parameter is missing or does not fit the others.
+        UnknownName: The model has no such site or body.
     """
-    said = {} if sensor is None else sensor.attributes
-    modelled = LidarParameters.model_validate({key: value for key, value in said.items() if key != "async"})
+    attributes = {} if sensor is None else sensor.attributes
+    modelled = LidarParameters.model_validate({key: value for key, value in attributes.items() if key != "async"})
     parameters = modelled.model_copy(update=given.model_dump(exclude_unset=True))
     missing = [key for key in _REQUIRED if getattr(parameters, key) is None and not (sensor and key == "site")]
     if missing:
-        raise PluginError(f"lidar {name!r} has no {', '.join(missing)}")
+        raise PluginError(f"lidar {name!r}: missing {', '.join(missing)}")
     resolution, azimuths, elevations = parameters.resolution, parameters.azimuth_range, parameters.elevation_range
     max_range = parameters.max_range
     assert resolution is not None
@@ -93,12 +93,14 @@ def settings_of(
     assert max_range is not None
     min_range = parameters.min_range or 0.0
     if max_range <= min_range:
-        raise PluginError(f"lidar {name!r}: max_range is {max_range:g}, not above min_range, which is {min_range:g}")
+        raise PluginError(f"lidar {name!r}: max_range ({max_range:g}) must be above min_range ({min_range:g})")
     columns, rows = resolution
     if rows > 1 and len(elevations) == 1:
-        raise PluginError(f"lidar {name!r}: {rows} rows need two angles in elevation_range, not only {elevations[0]:g}")
-    if columns * rows > MOST_RAYS:
-        raise PluginError(f"lidar {name!r}: {columns} x {rows} rays are more than {MOST_RAYS}")
+        raise PluginError(
+            f"lidar {name!r}: {rows} rows need two angles in elevation_range, not one ({elevations[0]:g})"
+        )
+    if columns * rows > MAX_RAYS:
+        raise PluginError(f"lidar {name!r}: {columns} x {rows} rays; at most {MAX_RAYS} are allowed")
     site = _site(model, parameters.site) if parameters.site is not None or sensor is None else sensor.site
     rate = parameters.update_rate
     if rate is None:
@@ -137,7 +139,7 @@ def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, word: str, name: str, count:
 
 def _hidden(model: mujoco.MjModel, site: int, parameters: LidarParameters) -> tuple[bool, ...]:
     if parameters.exclude_body is None:
-        # The world is no housing: a lidar on a wall sees the walls.
+        # The world body is not excluded: a lidar mounted on a wall must see the walls.
         own = int(model.site_bodyid[site])
         bodies = {own} - {0}
     else:

@@ -1,4 +1,4 @@
-"""What runs in the process: casts the rays of the lidars that are due, and publishes them."""
+"""The work of the lidar worker process: casts the rays of the due lidars and publishes the scans."""
 
 from collections.abc import Mapping, Sequence
 from logging import Logger
@@ -14,16 +14,16 @@ from mjplug_plugins.lidar.messages import frame_of
 from mjplug_plugins.lidar.pattern import Rays
 from mjplug_plugins.lidar.settings import Settings
 
-_BEYOND = 1e-9
-"""How much beyond the longest distance MuJoCo still looks [m]; the distances are compared exactly afterwards."""
+_RANGE_MARGIN = 1e-9
+"""Rays are cast this much farther than max_range [m]; the distances are compared exactly afterwards."""
 
 
 class LidarWork(Work):
-    """Casts lidars; a task is the name of one.
+    """Casts and publishes lidar scans; a task is the name of a lidar.
 
     Args:
-        lidars: The lidars, in the order of the publishers.
-        threads: How many cast at the same time.
+        lidars: Settings of the lidars, in the order of the publishers.
+        threads: Number of threads that cast rays.
     """
 
     def __init__(self, lidars: Sequence[Settings], threads: int = 1) -> None:
@@ -42,25 +42,25 @@ class LidarWork(Work):
         return ""
 
     def perform(self, data: mujoco.MjData, job: Job) -> Mapping[str, float]:
-        """Casts and publishes; returns how long each took [s]."""
+        """Casts and publishes the scans; returns the duration of each [s]."""
         assert self._caster is not None
         self._caster.pose(data)
-        taken: dict[str, float] = {}
-        # In one order, whatever that of the set: of two on one topic, the same one comes first.
+        durations: dict[str, float] = {}
+        # The order of a set varies; sorted, two lidars that share a topic are always published in the same order.
         for name in sorted(job.tasks):
             began = perf_counter()
             self._lidars[name].publish(data, job)
-            taken[name] = perf_counter() - began
-        return taken
+            durations[name] = perf_counter() - began
+        return durations
 
     def close(self) -> None:
-        """Ends the threads."""
+        """Stops the threads."""
         if self._caster is not None:
             self._caster.close()
 
 
 class _Lidar:
-    """One lidar at work."""
+    """Buffers, rays and publisher of one lidar."""
 
     def __init__(self, settings: Settings, caster: Caster, publisher: Publisher[Any]) -> None:
         self._settings = settings
@@ -72,38 +72,38 @@ class _Lidar:
         count = len(self._pattern.rays)
         self._distances = np.empty(count)
         self._geoms = np.empty(count, np.int32)
-        self._too_close, self._nothing = np.empty(count, np.bool_), np.empty(count, np.bool_)
+        self._too_close, self._no_return = np.empty(count, np.bool_), np.empty(count, np.bool_)
 
     def publish(self, data: mujoco.MjData, job: Job) -> None:
         settings, distances = self._settings, self._distances
-        self._pattern.turn(data.site_xmat[settings.site].reshape(3, 3))
+        self._pattern.rotate(data.site_xmat[settings.site].reshape(3, 3))
         self._caster.cast(
             data.site_xpos[settings.site],
             self._pattern.rays,
             self._groups,
-            settings.max_range + _BEYOND,
+            settings.max_range + _RANGE_MARGIN,
             distances,
             self._geoms,
         )
-        too_close, nothing = self._too_close, self._nothing
+        too_close, no_return = self._too_close, self._no_return
         np.less(distances, settings.min_range, out=too_close)
-        np.greater(distances, settings.max_range, out=nothing)
-        # MuJoCo's -1 is none.
-        np.logical_or(nothing, distances < 0.0, out=nothing)
+        np.greater(distances, settings.max_range, out=no_return)
+        # MuJoCo returns -1 if a ray hits nothing.
+        np.logical_or(no_return, distances < 0.0, out=no_return)
         if settings.noise_std or settings.dropout:
-            self._disturb(job)
-        self._frame.write(distances, too_close, nothing)
+            self._add_noise(job)
+        self._frame.write(distances, too_close, no_return)
         self._frame.message.set_stamp("header.stamp", job.time_ns)
         self._publisher.publish_frame(self._frame.message)
 
-    def _disturb(self, job: Job) -> None:
-        """Adds noise and takes rays away: the same ones for one state, whatever was cast before it."""
+    def _add_noise(self, job: Job) -> None:
+        """Adds noise and dropouts; they depend on the seed and the time only, not on earlier scans."""
         settings, distances = self._settings, self._distances
-        random = np.random.default_rng([*settings.seed, job.time_ns, job.epoch])
+        rng = np.random.default_rng([*settings.seed, job.time_ns, job.epoch])
         if settings.noise_std:
-            measured = ~(self._nothing | self._too_close)
-            noisy = distances + settings.noise_std * random.standard_normal(len(distances))
-            # Noise changes how far something is measured to be, not whether it is measured.
+            measured = ~(self._no_return | self._too_close)
+            noisy = distances + settings.noise_std * rng.standard_normal(len(distances))
+            # Noise changes the distance, not whether the ray has a return.
             np.copyto(distances, noisy.clip(settings.min_range, settings.max_range), where=measured)
         if settings.dropout:
-            np.logical_or(self._nothing, random.random(len(distances)) < settings.dropout, out=self._nothing)
+            np.logical_or(self._no_return, rng.random(len(distances)) < settings.dropout, out=self._no_return)

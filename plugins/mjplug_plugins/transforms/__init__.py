@@ -1,3 +1,3 @@
-"""Frames of the model as transforms."""
+"""Publishes frames of the model as transforms."""
 
 from mjplug_plugins.transforms.plugin import Transforms as Transforms

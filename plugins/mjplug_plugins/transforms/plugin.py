@@ -1,4 +1,4 @@
-"""The plugin: publishes what moves at a rate, and what does not once."""
+"""The transforms plugin: publishes moving frames at a rate, and fixed frames once."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from mjplug_schemas.std_msgs import Header
 from mjplug_schemas.tf2_msgs import TFMessage
 
 DYNAMIC = QoS(depth=100)
-"""What tf2's broadcaster has."""
+"""QoS of tf2's TransformBroadcaster."""
 
 _NUMBERS = (*(f"translation.{axis}" for axis in "xyz"), *(f"rotation.{axis}" for axis in "wxyz"))
 
@@ -19,16 +19,16 @@ _NUMBERS = (*(f"translation.{axis}" for axis in "xyz"), *(f"rotation.{axis}" for
 class Transforms(Plugin[TransformsParameters]):
     """Publishes the frames of bodies, cameras and sites as `tf2_msgs/TFMessage`, on `tf` and `tf_static`.
 
-    The parent of a body's frame is that of the body it hangs on. All transforms of a message are those of its stamp.
+    The parent of a body's frame is the frame of its parent body. All transforms of a message belong to its stamp.
     """
 
     def init(self, host: Host, parameters: TransformsParameters) -> None:
-        """Finds the frames, publishes those that never move, and starts the timer for the others."""
+        """Finds the frames, publishes the fixed ones, and starts the timer for the others."""
         self._host = host
-        found = links(host, parameters)
-        if not found:
-            host.logger.warning("the model has no body with a name, no camera and no sensor: there are no frames")
-        moving, fixed = [link for link in found if not link.rigid], [link for link in found if link.rigid]
+        all_links = links(host, parameters)
+        if not all_links:
+            host.logger.warning("the model has no body with a name, no camera and no sensor: no frames are published")
+        moving, fixed = [link for link in all_links if not link.rigid], [link for link in all_links if link.rigid]
         self._publisher = host.create_publisher(TFMessage, parameters.topic, DYNAMIC)
         static = host.create_publisher(TFMessage, parameters.static_topic, LATCHED)
         if fixed:
@@ -45,7 +45,7 @@ class Transforms(Plugin[TransformsParameters]):
 
 
 class _Transforms:
-    """A message that is kept ready.
+    """A message with all constant fields filled in.
 
     Attributes:
         frame: The message.
@@ -68,9 +68,9 @@ class _Transforms:
         )
 
     def read(self) -> None:
-        """Writes the current poses and the time."""
+        """Writes the current poses and the time into the message."""
         self._host.kinematics()
-        self._relative.read()
+        self._relative.update()
         self._poses.write(self._relative.poses.reshape(-1))
         seconds, nanoseconds = divmod(self._host.time_ns, 1_000_000_000)
         self._sec.write(seconds)

@@ -1,11 +1,18 @@
-"""Which frame hangs on which, and which of them move against each other."""
+"""The tree of frames: the parent of each frame, and whether the frame moves relative to it."""
 
 from dataclasses import dataclass
 
 import mujoco
 
 from mjplug.plugin import Host, PluginError
-from mjplug_plugins.transforms.frame import HERE, UNTURNED, Frame, camera_frames, given_frame, site_frames
+from mjplug_plugins.transforms.frame import (
+    IDENTITY_QUAT,
+    ZERO_POSITION,
+    Frame,
+    camera_frames,
+    configured_frame,
+    site_frames,
+)
 from mjplug_plugins.transforms.parameters import TransformsParameters
 
 _WORLD = 0
@@ -13,13 +20,13 @@ _WORLD = 0
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A frame in its parent.
+    """A frame and its parent.
 
     Attributes:
         frame: The frame.
-        parent: The id of the body that is its parent.
-        parent_name: The parent's frame.
-        rigid: Whether it never moves in its parent.
+        parent: Id of the parent body.
+        parent_name: Name of the parent frame.
+        rigid: Whether the frame never moves relative to its parent.
     """
 
     frame: Frame
@@ -32,49 +39,53 @@ def links(host: Host, parameters: TransformsParameters) -> list[Link]:
     """Returns the links to publish.
 
     Raises:
-        UnknownName: The model lacks something that is configured.
-        PluginError: Two frames have one name.
+        UnknownName: The model has no object of a configured name.
+        PluginError: Two frames have the same name.
     """
     bodies = _bodies(host, parameters)
     roots = {host.body_id(name) for name in parameters.roots}
     names = {**bodies, _WORLD: parameters.world_frame}
     if parameters.world_frame in bodies.values():
-        raise PluginError(f"body {parameters.world_frame!r} has the name of the world's frame; set world_frame")
-    found = [_link(host.model, Frame(name, body, HERE, UNTURNED), names) for body, name in bodies.items()]
-    found = [link for link in found if link.frame.body not in roots]
-    taken = {name: Frame(name, body, HERE, UNTURNED) for body, name in names.items()}
+        raise PluginError(
+            f"body {parameters.world_frame!r} has the same name as the world frame; set world_frame to another name"
+        )
+    result = [
+        _link(host.model, Frame(name, body, ZERO_POSITION, IDENTITY_QUAT), names) for body, name in bodies.items()
+    ]
+    result = [link for link in result if link.frame.body not in roots]
+    frames = {name: Frame(name, body, ZERO_POSITION, IDENTITY_QUAT) for body, name in names.items()}
     for frame in _other_frames(host, parameters):
-        if frame.name not in taken:
-            found.append(_link(host.model, frame, names))
+        if frame.name not in frames:
+            result.append(_link(host.model, frame, names))
         elif frame.name in parameters.frames:
-            raise PluginError(f"frames: {frame.name!r} is the name of another frame already")
-        elif not taken[frame.name].is_at(frame):
+            raise PluginError(f"frames: another frame is already called {frame.name!r}; choose another name")
+        elif not frames[frame.name].coincides_with(frame):
             host.logger.warning(
-                "two frames would be called %r: a site has the name of a body, a camera's or another site's frame, and "
-                "is not published; frames can give it another name",
+                "two frames would be called %r: a site has the same name as a body, a camera frame or another site. "
+                "The site is not published; add it to `frames` under another name",
                 frame.name,
             )
-        taken.setdefault(frame.name, frame)
-    return found
+        frames.setdefault(frame.name, frame)
+    return result
 
 
 def _bodies(host: Host, parameters: TransformsParameters) -> dict[int, str]:
-    """Returns the bodies that are frames, by their ids."""
+    """Returns the names of the bodies to publish, by body id."""
     model = host.model
-    left_out = {host.body_id(name) for name in parameters.exclude}
+    excluded = {host.body_id(name) for name in parameters.exclude}
     chosen = [host.body_id(name) for name in parameters.bodies] or range(1, model.nbody)
     named = {body: mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or "" for body in sorted(chosen)}
-    return {body: name for body, name in named.items() if name and body != _WORLD and body not in left_out}
+    return {body: name for body, name in named.items() if name and body != _WORLD and body not in excluded}
 
 
 def _other_frames(host: Host, parameters: TransformsParameters) -> list[Frame]:
     cameras = camera_frames(host.model) if parameters.cameras else ()
-    given = (given_frame(host.model, name, frame) for name, frame in parameters.frames.items())
-    return [*cameras, *site_frames(host.model, parameters), *given]
+    configured = (configured_frame(host.model, name, frame) for name, frame in parameters.frames.items())
+    return [*cameras, *site_frames(host.model, parameters), *configured]
 
 
 def _link(model: mujoco.MjModel, frame: Frame, names: dict[int, str]) -> Link:
-    """Hangs a frame on the nearest body above it that is a frame."""
+    """Links a frame to the nearest ancestor body that is published."""
     body = frame.body
     rigid = frame.camera is None
     is_body_itself = names.get(body) == frame.name
