@@ -4,6 +4,7 @@ Usage: python drive.py      (connects to MJPLUG_CONNECT, by default to tcp/127.0
 """
 
 import math
+import statistics
 import sys
 
 from mjplug.client import TimedOutError, connect
