@@ -12,7 +12,7 @@ from mjplug_schemas.geometry_msgs import Twist, Vector3
 
 SPEEDS = {"red": 1.0, "blue": 0.5}
 
-with connect(server="/red/mjplug") as client:
+with connect() as client:
     try:
         for robot in SPEEDS:
             client.wait_for(f"/{robot}/cmd_vel")

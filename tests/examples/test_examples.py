@@ -203,18 +203,18 @@ def test_the_remote_client_runs_by_hand_on_one_machine():
 
 @pytest.mark.slow
 def test_the_client_of_two_robots_names_the_commands_if_one_server_is_missing():
-    server, endpoint = by_hand("07_two_robots")
+    server, endpoint = by_hand("07_two_robots", "--set", "namespace=red")
     try:
         done = subprocess.run(
-            [sys.executable, EXAMPLES / "07_two_robots" / "race.py"],
+            [sys.executable, EXAMPLES / "07_two_robots" / "drive.py"],
             env=os.environ | {"MJPLUG_CONNECT": endpoint}, capture_output=True, text=True, check=False,
         )  # fmt: skip
     finally:
         stop(server)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "/blue/base/cmd_vel" in done.stderr
-    assert "mjplug serve config_blue.yaml" in done.stderr
+    assert "/blue/cmd_vel" in done.stderr
+    assert "mjplug serve config.yaml --set namespace=red" in done.stderr
 
 
 def test_lockstep_is_what_mujoco_does_alone_to_the_last_bit(ran):
