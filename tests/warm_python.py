@@ -25,6 +25,7 @@ PRELOADED = (
     "mjplug.cli.topic_echo",
     "mjplug.lifecycle.serve",
     "mjplug.server.prepared",
+    "mjplug.server.running",
     "mjplug_plugins.external_wrench",
     "mjplug_plugins.heartbeat",
 )

@@ -33,6 +33,7 @@ def draft_of(
     connect: str | Sequence[str] | None,
     zenoh_config: str | os.PathLike[str] | None,
     settings: Mapping[str, object],
+    environ: Mapping[str, str],
 ) -> tuple[Draft, Classes]:
     """Returns the configuration that the arguments of `open_server` describe, and the plugin classes among them.
 
@@ -59,9 +60,10 @@ def draft_of(
     ]
     path: str | Path | Mapping[str, Any] = config if isinstance(config, str | Mapping) else Path(config)
     uri = None if model is None else os.fspath(model)
-    draft = read(path, model=uri, sets=given)
+    draft = read(path, model=uri, sets=given, environ=environ)
+    listening = Setting("default", "zenoh.listen", [ANY_PORT])
     if all(draft.origin(("zenoh", part)) is None for part in _NETWORK):
-        draft = read(path, model=uri, sets=[*given, Setting("default", "zenoh.listen", [ANY_PORT])])
+        draft = read(path, model=uri, sets=[*given, listening], environ=environ)
     return draft, classes
 
 

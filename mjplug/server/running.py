@@ -39,6 +39,7 @@ def open_server(
     connect: str | Sequence[str] | None = None,
     zenoh_config: str | os.PathLike[str] | None = None,
     settings: Mapping[str, object] = MappingProxyType({}),
+    environ: Mapping[str, str] = os.environ,
     duration: float | None = None,
     run: bool = True,
 ) -> "RunningServer":
@@ -63,6 +64,7 @@ def open_server(
         connect: Zenoh endpoint or endpoints to connect to.
         zenoh_config: A Zenoh configuration file: certificates, roles, passwords and so on.
         settings: Any other settings by their dotted names, as `--set`: `{"sim.clock_rate": 50.0}`.
+        environ: Environment variables, of which those such as `MJPLUG_SIM__SPEED` count; `{}` for none.
         duration: Simulated time after which the server stops by itself [s]; only with `run`.
         run: Whether physics runs in a thread of its own. If not, the server is paused, and only the calling thread
             takes steps, with `RunningServer.step`.
@@ -95,6 +97,7 @@ def open_server(
             connect=connect,
             zenoh_config=zenoh_config,
             settings=settings,
+            environ=environ,
         )
         prepared = prepare(draft, classes)
     return RunningServer(prepared, scope, run, duration)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import socket
 from importlib.metadata import PackageNotFoundError
 
@@ -12,6 +13,7 @@ from mjplug.cli.doctor.environment import check_environment
 from mjplug.cli.doctor.graphics import check_graphics, draw
 from mjplug.cli.doctor.network import check_network
 from mjplug.cli.doctor.scheduling import check_scheduling
+from mjplug.cli.doctor.self_test import check_server
 from mjplug.wire.endpoints import on_free_port
 
 GOOD = {"mujoco": "3.17.0", "eclipse-zenoh": "1.10.2", "mjplug": "0.1.0"}
@@ -133,6 +135,19 @@ def test_a_program_in_the_way_is_an_error_with_the_way_around():
     assert (finding.level, finding.fix.startswith("end it, or serve with --listen")) == ("error", True)
     (finding,) = check_network("nonsense")
     assert "is no Zenoh endpoint" in finding.message or finding.level == "error"
+
+
+def test_a_server_is_opened_for_a_moment_and_asked_for_steps(monkeypatch):
+    monkeypatch.setenv("MJPLUG_SIM__SPED", "2")
+    (finding,) = check_server()
+    assert finding.level == "ok"
+    assert re.fullmatch(
+        r"a server with bundled:arm starts in \d+\.\d s and answers in \d+ ms: took 100 steps; t = 0.200000 s",
+        finding.message,
+    )
+    (finding,) = check_server("bundled:arn")
+    assert (finding.level, finding.fix) == ("error", "mjplug serve bundled:arn --verbose")
+    assert "did you mean 'arm'" in finding.message
 
 
 def test_scheduling_is_measured_and_changes_nothing_in_this_thread():

@@ -191,12 +191,18 @@ def test_everything_in_the_client_is_described():
     text = prose(CLIENT)
     for name in mjplug.client.__all__:
         assert re.search(rf"`{name}\b[^`]*`", text), name
-    for kind in (mjplug.client.Client, mjplug.client.Subscription, mjplug.client.Publisher):
+    kinds = (mjplug.client.Client, mjplug.client.Subscription, mjplug.client.Publisher, mjplug.RunningServer)
+    for kind in kinds:
         table = rows(section(CLIENT, kind.__name__))
         for name, expected, documented in signatures(kind, table):
             # Only the client calls it.
             assert (kind.__name__, name) == ("Subscription", "open") or documented == expected
         assert {name for name, member in inspect.getmembers(kind) if isinstance(member, property)} <= set(table)
+
+
+def test_every_argument_of_open_server_is_described():
+    described = set(rows(section(CLIENT, "open_server")))
+    assert {"config", *described} == set(inspect.signature(mjplug.open_server).parameters)
 
 
 def test_bundled_models_are_listed_with_their_keyframes():

@@ -48,7 +48,7 @@ def doctor(
         typer.Option("--timeout", min=0.0, metavar="SECONDS", help="With --quick: how long to wait for the answer."),
     ] = TIMEOUT,
 ) -> None:
-    """Looks at packages, plugins, graphics, network and scheduling.
+    """Looks at packages, plugins, network, scheduling and graphics, and opens a server for a moment.
 
     It says how to fix what is wrong, and ends with exit code 1 if something does not work. With --security, it ends
     with exit code 1 if a server lets somebody do what he should not.
@@ -111,12 +111,14 @@ def _findings(endpoint: str | None) -> "Iterator[Finding]":
     from mjplug.cli.doctor.graphics import check_graphics
     from mjplug.cli.doctor.network import check_network
     from mjplug.cli.doctor.scheduling import check_scheduling
+    from mjplug.cli.doctor.self_test import check_server
     from mjplug.client import DEFAULT_ENDPOINT
     from mjplug.physics import process
 
     process.tame_mujoco()
     yield from check_environment()
     yield from check_network(endpoint or DEFAULT_ENDPOINT)
+    yield from check_server()
     yield from check_scheduling()
     yield from check_graphics()
 

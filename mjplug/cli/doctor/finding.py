@@ -11,7 +11,7 @@ class Finding:
     """What was found.
 
     Attributes:
-        topic: What it is about: `environment`, `graphics`, `network` or `scheduling`.
+        topic: What it is about: `environment`, `network`, `server`, `scheduling` or `graphics`.
         level: `note` is worth knowing; `warning` costs something; with an `error`, something does not work.
         message: The sentence.
         fix: What to do; empty if there is nothing to do.
