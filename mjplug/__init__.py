@@ -2,14 +2,22 @@
 
 from typing import TYPE_CHECKING
 
-__all__ = ["RunningServer", "__version__", "open_server"]
+__all__ = ["ConfigError", "MjplugError", "RunningServer", "__version__", "open_server"]
 
 if TYPE_CHECKING:
+    from mjplug.config.problem import ConfigError
+    from mjplug.errors import MjplugError
     from mjplug.server.running import RunningServer, open_server
 
     __version__: str
     """The version of the installed package, such as `0.1.0`; pyproject.toml defines it."""
 else:
+    _MODULES = {
+        "ConfigError": "mjplug.config.problem",
+        "MjplugError": "mjplug.errors",
+        "RunningServer": "mjplug.server.running",
+        "open_server": "mjplug.server.running",
+    }
 
     def __getattr__(name):
         # Imported when it is used, so that the command line and the client start quickly: the server imports MuJoCo,
@@ -18,8 +26,8 @@ else:
             from importlib.metadata import version  # noqa: PLC0415
 
             return version("mjplug")
-        if name in __all__:
-            from mjplug.server import running  # noqa: PLC0415
+        if name in _MODULES:
+            from importlib import import_module  # noqa: PLC0415
 
-            return getattr(running, name)
+            return getattr(import_module(_MODULES[name]), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
