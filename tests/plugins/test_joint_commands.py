@@ -165,7 +165,7 @@ def test_controls_stay_within_the_ranges_and_that_is_said_once(caplog):
     command(world, ["elbow"], effort=[100.0])
     assert world.data.ctrl[ELBOW] == 5.0
     assert caplog.text.count("joint 'rail': the velocity command 3 is beyond the range of its actuator") == 1
-    assert caplog.text.count("is limited") == 2
+    assert caplog.text.count("was limited") == 2
     free = world_of(clamp=False)
     command(free, ["rail"], velocity=[9.0])
     assert free.data.ctrl[RAIL] == 9.0
@@ -203,7 +203,7 @@ def test_lists_that_are_shorter_than_the_names_are_for_the_joints_with_that_inte
     assert world.data.ctrl.tolist() == [-0.3, 0.4, 0.0, 0.05]
     command(world, ["loose", "wrist", "rail", "shoulder"], position=[0.1, 0.2])
     refusal = told(world).message
-    assert "position has 2 numbers for 4 names" in refusal
+    assert "position contains 2 numbers for 4 names" in refusal
     assert "command_interfaces declares it for 1 of the names" in refusal
     assert world.data.ctrl[SHOULDER] == 0.4
 
@@ -226,8 +226,8 @@ def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_posit
 @pytest.mark.parametrize(
     ("names", "values", "sentence"),
     [
-        (["rail", "shoulder"], {"position": [0.1]}, "position has 1 numbers for 2 names; give one for each name, or"),
-        (["shoulder"], {"position": [0.1, 0.2]}, "position has 2 numbers for 1 names"),
+        (["rail", "shoulder"], {"position": [0.1]}, "position contains 1 numbers for 2 names; send one number for each name, or"),
+        (["shoulder"], {"position": [0.1, 0.2]}, "position contains 2 numbers for 1 names"),
         (["shoulder", "shoulder"], {"position": [0.1, 0.2]}, "joint 'shoulder' is listed twice: name[0] and name[1]"),
         (["shoulder", "wrist"], {"position": [0.1, math.nan], "effort": [0.0, math.inf]}, "of joint 'wrist' is inf"),
         (["wrist", "shoulder"], {"effort": [1.0, 0.0], "position": [0.0, 1e300]}, "of joint 'shoulder' is 1e+300"),
@@ -322,7 +322,7 @@ def test_a_reset_forgets_commands_and_leaves_the_controls_that_it_put_back(arm_m
             {"groups": {"g": {"joints": ["wrist"], "interface": "velocity"}}},
             "joint 'wrist' accepts effort commands, not velocity",
         ),
-        ({"command_interfaces": {"elbwo": "position"}}, "unknown joint to command 'elbwo', did you mean 'elbow'"),
+        ({"command_interfaces": {"elbwo": "position"}}, "unknown commandable joint 'elbwo', did you mean 'elbow'"),
     ],
 )
 def test_a_configuration_that_does_not_fit_the_model_stops_the_start(parameters, sentence):

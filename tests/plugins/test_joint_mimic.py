@@ -47,7 +47,7 @@ def test_commands_that_only_one_of_two_takes_are_pointed_out(caplog):
     ("mimic", "sentence"),
     [
         ({"loose": {"joint": "elbow"}}, "joint 'loose' cannot mimic 'elbow', because it has no actuator"),
-        ({"wrist": {"joint": "elbw"}}, "unknown joint to command 'elbw', did you mean 'elbow'"),
+        ({"wrist": {"joint": "elbw"}}, "unknown commandable joint 'elbw', did you mean 'elbow'"),
         (
             {"wrist": {"joint": "elbow"}, "elbow": {"joint": "shoulder"}},
             "joint 'wrist' mimics 'elbow', which itself mimics another joint",

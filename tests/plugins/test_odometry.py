@@ -184,10 +184,10 @@ def test_the_models_that_come_along_have_a_base(name):
 
 
 def test_a_base_that_is_not_clear_stops_the_start():
-    with pytest.raises(MjplugError, match="the model has no body with a free joint; give body"):
+    with pytest.raises(MjplugError, match="the model has no body with a free joint; set `body`"):
         world_of(PLANAR)
     two = FLOATING.replace("</worldbody>", '<body><freejoint/><geom size=".1"/></body></worldbody>')
-    with pytest.raises(MjplugError, match="with a free joint there are: base, one without a name"):
+    with pytest.raises(MjplugError, match="bodies with a free joint: base, a body without a name"):
         world_of(two)
     with pytest.raises(MjplugError, match="unknown body 'bse', did you mean 'base'"):
         world_of(body="bse")

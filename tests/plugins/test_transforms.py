@@ -283,7 +283,7 @@ def test_a_site_that_has_the_name_of_a_body_is_that_body_if_it_is_there_and_is_n
         ({"sites": ["imuu"]}, "unknown site 'imuu', did you mean 'imu'"),
         ({"frames": {"f": {"camera": "fromt"}}}, "unknown camera 'fromt', did you mean 'front'"),
         ({"frames": {"arm": {"body": "hand"}}}, "frames: another frame is already called 'arm'; choose another name"),
-        ({"world_frame": "base"}, "body 'base' has the name of the world's frame"),
+        ({"world_frame": "base"}, "body 'base' has the same name as the world frame"),
     ],
 )
 def test_what_does_not_fit_the_model_stops_the_start(parameters, sentence):
@@ -313,6 +313,6 @@ def test_the_models_that_come_along_make_one_tree(name):
 def test_a_model_with_nothing_in_it_has_no_frames(caplog):
     with caplog.at_level(logging.WARNING):
         world = world_of("<mujoco/>")
-    assert "there are no frames" in caplog.text
+    assert "no frames are published" in caplog.text
     assert world.transport.types == {"/tf": TFMessage, "/tf_static": TFMessage}
     assert not world.published("/tf_static")

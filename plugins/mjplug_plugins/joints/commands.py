@@ -82,7 +82,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
         """Logs how many messages were refused, if more than the one that was reported."""
         for topic, count in getattr(self, "_refused_by_topic", {}).items():
             if count > 1:
-                self._host.logger.warning("%d messages on %s were refused in total", count, topic)
+                self._host.logger.warning("%d messages on %s were refused in all", count, topic)
 
     @property
     def _busy(self) -> bool:
