@@ -226,7 +226,11 @@ def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_posit
 @pytest.mark.parametrize(
     ("names", "values", "sentence"),
     [
-        (["rail", "shoulder"], {"position": [0.1]}, "position contains 1 numbers for 2 names; send one number for each name, or"),
+        (
+            ["rail", "shoulder"],
+            {"position": [0.1]},
+            "position contains 1 numbers for 2 names; send one number for each name, or",
+        ),
         (["shoulder"], {"position": [0.1, 0.2]}, "position contains 2 numbers for 1 names"),
         (["shoulder", "shoulder"], {"position": [0.1, 0.2]}, "joint 'shoulder' is listed twice: name[0] and name[1]"),
         (["shoulder", "wrist"], {"position": [0.1, math.nan], "effort": [0.0, math.inf]}, "of joint 'wrist' is inf"),

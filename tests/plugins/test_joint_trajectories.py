@@ -203,7 +203,10 @@ def refused(world, message):
             "accepts effort commands, not position; set pid_gains.position.wrist to allow it",
         ),
         (trajectory(["shoulder"], point(1.0, [1.0, 2.0])), "points[0].positions contains 2 numbers for 1 joints"),
-        (trajectory(["shoulder"], point(1.0, [1.0], [1.0, 1.0])), "points[0].velocities contains 2 numbers for 1 joints"),
+        (
+            trajectory(["shoulder"], point(1.0, [1.0], [1.0, 1.0])),
+            "points[0].velocities contains 2 numbers for 1 joints",
+        ),
         (trajectory(["shoulder"], point(1.0, [math.nan])), "points[0].positions contains nan; numbers must be finite"),
         (trajectory(["shoulder"], point(1.0, [])), "points[0] has no positions"),
         (
@@ -216,8 +219,14 @@ def refused(world, message):
             "the trajectory ends at 0.2 s, but simulated time is 1 s",
         ),
         (trajectory(["shoulder"], point(0.1, [1.0]), stamp=1.7e9), "simulated time is 1 s; set it to simulated time"),
-        (trajectory(["shoulder"], point(1.0, [1.0], [1.7e308])), "points[0].velocities contains 1.7e+308; numbers must be"),
-        (trajectory(["shoulder"], point(1.0, [1.0], [0.0], [math.inf])), "points[0].accelerations contains inf; numbers"),
+        (
+            trajectory(["shoulder"], point(1.0, [1.0], [1.7e308])),
+            "points[0].velocities contains 1.7e+308; numbers must be",
+        ),
+        (
+            trajectory(["shoulder"], point(1.0, [1.0], [0.0], [math.inf])),
+            "points[0].accelerations contains inf; numbers",
+        ),
         (
             trajectory(["shoulder"], point(0.1, [1e12])),
             "points[0].positions contains 1e+12; numbers must be finite and below",
