@@ -24,14 +24,14 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 _INTRODUCTION = """# Benchmarks
 
-Written by `make bench`. Ours and the other are measured in turn within one run, since machines are shared and their
-speed drifts; the ratio is the median over the pairs, with the smallest and the largest in brackets. Absolute figures
-are of one machine on one day.
+`make bench` writes this page. It measures mjplug and the alternative in turns within one run, because the speed of a
+shared machine varies. The ratio is the median of the pairs, with the smallest and the largest in brackets. The absolute
+values are from one run on one machine.
 """
 
 
 def _table(results: list[Result]) -> str:
-    rows = ["| what | ours | the other | ratio (spread) | goal | |", "|---|---|---|---|---|---|"]
+    rows = ["| Item | mjplug | Alternative | Ratio (range) | Goal | Result |", "|---|---|---|---|---|---|"]
     for r in results:
         ratio = f"{r.ratio:.2f} ({r.low:.2f} to {r.high:.2f})"
         rows.append(f"| {r.what} | {r.ours} | {r.other or '-'} | {ratio} | {r.goal} | {'met' if r.met else 'missed'} |")

@@ -201,10 +201,10 @@ def _beside_physics(uri: str) -> list[Result]:
 
             return p99_in_thread(work)
 
-        what = "p99 lateness of a step at 1 kHz beside a 30 Hz 640x480 camera, against nobody listening (5 x 4 s)"
+        what = "p99 lateness of a step at 1 kHz with a 30 Hz 640x480 camera, against no subscriber (5 x 4 s)"
         late = pairs(what, lambda: run(True), lambda: run(False), "<= 3", "{:.0f} µs", repeats=5)
     # The first turn is that in which the process starts.
-    what = "real-time factor at 1 kHz beside a 30 Hz 640x480 camera"
+    what = "real-time factor at 1 kHz with a 30 Hz 640x480 camera"
     factor, rate = float(np.median(factors[1:])), float(np.median(images[1:])) / len(TOPICS) / SECONDS
     received = f"{rate:.1f} images/s received"
     return [late, Result(what, f"{factor:.4f}", received, factor, min(factors[1:]), max(factors[1:]), ">= 0.995")]

@@ -34,13 +34,13 @@ def results() -> list[Result]:
         with _busy_programs():
             late = [(measure(True), measure(False)) for _ in range(REPEATS)]
     ratios = [ours / other for ours, other in late]
-    beside = f"beside {PROGRAMS} busy programs"
+    load = f"with {PROGRAMS} busy programs"
     medians = [f"{statistics.median(column):.0f} µs" for column in zip(*late, strict=True)]
     rates = [count / len(TOPICS) / SECONDS for count in images]
     rate = statistics.median(rates)
     return [
         Result(
-            f"images/s of a {RATE:g} Hz 640x480 camera {beside}",
+            f"images/s of a {RATE:g} Hz 640x480 camera {load}",
             f"{rate:.1f}/s",
             "",
             rate,
@@ -49,7 +49,7 @@ def results() -> list[Result]:
             f">= {RATE / 3:g}",
         ),
         Result(
-            f"p99 lateness of a step at 1 kHz {beside} with a 30 Hz camera, against nobody listening (5 x 4 s)",
+            f"p99 lateness of a step at 1 kHz {load} and a 30 Hz camera, against no subscriber (5 x 4 s)",
             *medians,
             statistics.median(ratios),
             min(ratios),

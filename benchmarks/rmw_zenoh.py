@@ -99,7 +99,7 @@ def _for_nobody() -> Result:
             without, with_ros = _in_turn(sends)
             return statistics.median(with_ros) - statistics.median(without)
 
-        what = "extra for a message that nobody listens to, with ROS 2 on against off"
+        what = "extra for a message without a subscriber, with ROS 2 on against off"
         return figure(what, extra, "<= 0.3", "{:.3f} µs", TURNS)
 
 
@@ -162,7 +162,7 @@ def _late_joiner() -> Result:
                 kept.undeclare()
             return elapsed * 1e3
 
-        what = "until a late ROS 2 subscriber has the last message of a latched topic"
+        what = "time until a late ROS 2 subscriber gets the last message of a latched topic"
         return figure(what, wait, "<= 50", "{:.1f} ms", 31)
 
 

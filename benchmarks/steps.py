@@ -86,17 +86,17 @@ def results() -> list[Result]:
     cases = [
         (PLUGINS, _nothing, "idle", ">= 0.95"),
         (PLUGINS, _push, "one active wrench", ">= 0.6"),
-        (every, _nothing, f"all {len(every)} plugins, nobody subscribed", ">= 0.9"),
+        (every, _nothing, f"all {len(every)} plugins, without subscribers", ">= 0.9"),
         (every, _drive, f"all {len(every)} plugins, a driven base", ">= 0.6"),
     ]
     found = []
-    for uri, word in ((SMALL, "small"), (MIDDLING, "middling")):
+    for uri, word in ((SMALL, "small"), (MIDDLING, "medium")):
         bare = BareLoop(uri)
         steps = int(SECONDS * bare.steps_per_second(5000)) // 100 * 100
         for plugins, prepare, state, goal in cases:
             with _served(uri, steps, plugins, prepare) as ours:
                 result = pairs(
-                    f"steps/s, {word} model, {state}, against bare mj_step(nstep=100)",
+                    f"steps/s, {word} model, {state}, against mj_step(nstep=100)",
                     ours,
                     lambda bare=bare, steps=steps: bare.steps_per_second(steps),
                     goal,
