@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 
 import left_over
 import pytest
@@ -87,6 +88,16 @@ def pytest_runtest_makereport():
     report = yield
     report.sections = [(name, text.encode("utf-8", "backslashreplace").decode()) for name, text in report.sections]
     return report
+
+
+LONG = ("worker", "examples", "docs", "security")
+"""Folders whose modules take long: where processes share the tests, the last ones should be short."""
+
+
+def pytest_collection_modifyitems(config, items):
+    """Lets the modules that take long come first."""
+    tests = Path(__file__).parent
+    items.sort(key=lambda item: item.path.relative_to(tests).parts[0] not in LONG)
 
 
 _left_over = []

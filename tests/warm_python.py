@@ -16,6 +16,7 @@ import sys
 import tempfile
 import threading
 import time
+import warnings
 from pathlib import Path
 
 PRELOADED = (
@@ -23,6 +24,7 @@ PRELOADED = (
     "mjplug.cli.doctor.command",
     "mjplug.cli.exit_codes",
     "mjplug.cli.topic_echo",
+    "mjplug.client",
     "mjplug.lifecycle.serve",
     "mjplug.server.prepared",
     "mjplug.server.running",
@@ -100,18 +102,18 @@ class WarmPython:
         self._line = self._python = None
         self._lock = threading.Lock()
 
-    def start(self, module, arguments, cwd, env, stdout, stderr):
+    def start(self, options, arguments, cwd, env, stdout, stderr):
         """Forks a program off; returns its process id.
 
         Args:
-            module: What `python -m` would run.
-            arguments: What it gets.
+            options: Python's options: `-m MODULE` or `-W error SCRIPT`.
+            arguments: What the program gets.
             cwd: Its folder.
             env: Its environment.
             stdout: File descriptor of its standard output.
             stderr: File descriptor of its standard error.
         """
-        order = {"module": module, "arguments": list(arguments), "cwd": str(cwd), "env": dict(env)}
+        order = {"options": list(options), "arguments": list(arguments), "cwd": str(cwd), "env": dict(env)}
         with open(os.devnull, encoding="utf-8") as nothing:
             return self._ask(order, [nothing.fileno(), stdout, stderr])
 
@@ -163,7 +165,7 @@ def popen(command, arguments, *, cwd, env, stdout=None, stderr=None, text=True):
         theirs.append(theirs[0] if writing == subprocess.STDOUT else writing)
     try:
         descriptors = [one if isinstance(one, int) else one.fileno() for one in theirs]
-        return Process(_warm, _warm.start(command[2], arguments, cwd, env, *descriptors), *ours)
+        return Process(_warm, _warm.start(command[1:], arguments, cwd, env, *descriptors), *ours)
     finally:
         for stream, descriptor in zip((stdout, stderr), theirs, strict=True):
             if stream == subprocess.PIPE:
@@ -197,12 +199,14 @@ def run(command, arguments, *, cwd, env, timeout, one_stream=False):
 
 
 def _can_fork(command, env):
-    """Whether a command is `python -m MODULE` without further options, with nothing that only a new process obeys."""
+    """Whether a command is `python -m MODULE` or `python -W error SCRIPT`, and nothing needs a new process."""
+    python, *options = command
+    known = (options[:-1] == ["-m"], options[:-1] == ["-W", "error"] and options[-1].endswith(".py"))
     return (
         enabled
         and sys.platform == "linux"
-        and len(command) == 3
-        and tuple(command[:2]) == (sys.executable, "-m")
+        and python == sys.executable
+        and any(known)
         and _of_the_start(env) == _of_the_start(os.environ)
     )
 
@@ -255,6 +259,7 @@ def _serve(line):
 
 def _become(order, descriptors):
     """Makes this process what was ordered."""
+    option, *_, program = order["options"]
     for number, descriptor in enumerate(descriptors):
         os.dup2(descriptor, number)
         os.close(descriptor)
@@ -265,8 +270,10 @@ def _become(order, descriptors):
     sys.dont_write_bytecode = bool(os.environ.get("PYTHONDONTWRITEBYTECODE"))
     sys.pycache_prefix = os.environ.get("PYTHONPYCACHEPREFIX")
     sys.argv[1:] = order["arguments"]
-    # As `python -m` has it.
-    sys.path[0] = os.getcwd()
+    sys.path[0] = os.path.dirname(program) if program.endswith(".py") else os.getcwd()
+    if option == "-W":
+        sys.warnoptions.append("error")
+        warnings.simplefilter("error")
     time.tzset()
     import gc
 
@@ -279,4 +286,8 @@ if __name__ == "__main__":
     _become(_order, _descriptors)
     import runpy
 
-    runpy.run_module(_order["module"], run_name="__main__", alter_sys=True)
+    if _order["options"][0] == "-m":
+        runpy.run_module(_order["options"][1], run_name="__main__", alter_sys=True)
+    else:
+        sys.argv[0] = _order["options"][-1]
+        runpy.run_path(_order["options"][-1], run_name="__main__")

@@ -13,7 +13,7 @@ from pathlib import Path
 import warm_python
 from docs.markdown import ROOT, blocks_of
 
-PATIENCE = 25.0
+PATIENCE = 60.0
 """How long a command of the documentation may take [s]."""
 
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -109,15 +109,13 @@ class Reader:
         """Runs Python, which finds a server at `endpoint`; a warning is an error."""
         path = self.folder / name
         path.write_text(text, encoding="utf-8")
-        return subprocess.run(
-            [sys.executable, "-W", "error", str(path)],
+        return warm_python.run(
+            (sys.executable, "-W", "error", str(path)),
+            (),
             cwd=self.folder,
             env=_environment(endpoint=endpoint),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
             timeout=PATIENCE,
-            check=False,
+            one_stream=True,
         )
 
     def server(self, line: str, as_it_is: bool = False) -> Server:

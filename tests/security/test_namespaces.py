@@ -14,6 +14,7 @@ from camera_scenes import (
     scene,
 )
 from cli.process import COMMAND, Served, environment
+from machine import lacking
 
 from mjplug.security.folder import KeyFolder
 
@@ -45,9 +46,9 @@ def ip(*words, check=True):
 def namespaces():
     simulator, laptop = (f"mjplug-{name}-{os.getpid()}" for name in ("simulator", "laptop"))
     if sys.platform != "linux" or os.geteuid() != 0 or shutil.which("ip") is None:
-        pytest.skip("network namespaces need Linux, root and `ip` (Debian: apt-get install iproute2)")
+        lacking("network namespaces need Linux, root and `ip` (Debian: apt-get install iproute2)")
     if (tried := ip("netns", "add", simulator, check=False)).returncode != 0:
-        pytest.skip(f"this machine lets nobody make network namespaces: {tried.stderr.strip()}")
+        lacking(f"this machine lets nobody make network namespaces: {tried.stderr.strip()}")
     try:
         ip("netns", "add", laptop)
         ip("link", "add", "eth0", "netns", simulator, "type", "veth", "peer", "name", "eth0", "netns", laptop)
