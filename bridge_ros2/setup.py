@@ -1,4 +1,4 @@
-"""Installs the package where ROS 2 looks for it. Colcon runs this; pip is not needed."""
+"""Installs the package as a ROS 2 package. Colcon runs this file; pip is not needed."""
 
 from glob import glob
 from xml.etree import ElementTree
@@ -12,7 +12,7 @@ VERSION = ElementTree.parse("package.xml").findtext("version")
 setup(
     name=NAME,
     version=VERSION,
-    description="Maps the topics and services of an mjplug simulation server to ROS 2, whatever its RMW.",
+    description="Maps the topics and services of an mjplug simulation server to ROS 2, with any RMW.",
     license="Apache-2.0",
     packages=[NAME],
     data_files=[

@@ -10,7 +10,7 @@ PACKAGE = "mjplug_bridge_ros2"
 
 
 def generate_launch_description():
-    """Returns the description with its one argument, the parameter file."""
+    """Returns the launch description; its only argument is the parameter file."""
     default = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "bridge.yaml"])
     return LaunchDescription(
         [

@@ -1,4 +1,4 @@
-"""Maps the topics and services of an mjplug server, which are on Zenoh, to those of ROS 2.
+"""Maps the Zenoh topics and services of an mjplug server to ROS 2 topics and services.
 
-Needs rclpy, eclipse-zenoh and the standard library, and Python 3.10 or later: it runs in ROS's own Python.
+Requires rclpy, eclipse-zenoh and Python 3.10 or later: it runs in the Python of ROS.
 """

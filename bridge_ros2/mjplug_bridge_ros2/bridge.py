@@ -1,4 +1,4 @@
-"""Maps what the servers offer, for as long as they do. Everything here runs on the executor's thread."""
+"""Maps the topics and services of the servers while they exist. All code here runs on the executor's thread."""
 
 from typing import Any
 
@@ -16,8 +16,8 @@ from mjplug_bridge_ros2.topics import ToRos, ToServer
 
 Relay = ToRos | ToServer | ServiceRelay
 
-_POLL = 0.2
-"""How often to count the readers of topics [s]."""
+_POLL_INTERVAL = 0.2
+"""Interval for counting the ROS subscribers of topics [s]."""
 
 
 class Mapping:
@@ -25,7 +25,7 @@ class Mapping:
 
     Attributes:
         server: The server.
-        relays: A relay for each entry of its list; None where there is none.
+        relays: The relay of each of the server's interfaces; None if the interface is not mapped.
     """
 
     def __init__(self, server: Server) -> None:
@@ -34,13 +34,13 @@ class Mapping:
 
 
 class Bridge:
-    """All servers on a Zenoh network, or one of them, as topics and services of one ROS node.
+    """Maps all servers on a Zenoh network, or one of them, to topics and services of one ROS node.
 
     Args:
-        node: The node.
-        handover: The way to the thread of the node.
-        session: An open session. The bridge does not close it.
-        settings: What to map, and how.
+        node: The ROS node.
+        handover: Calls functions on the thread of the node.
+        session: An open Zenoh session. The bridge does not close it.
+        settings: Which interfaces to map, and how.
     """
 
     def __init__(self, node: Any, handover: Handover, session: zenoh.Session, settings: Settings) -> None:
@@ -51,35 +51,40 @@ class Bridge:
         self._settings = settings
         self._mappings: dict[str, Mapping] = {}
         self._owners: dict[tuple[str, str], Entry] = {}
-        self._told: set[str] = set()
-        # Steady time: the node's own clock would stand still with the simulation, were it given use_sim_time.
-        self._timer = node.create_timer(_POLL, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._watch = Watch(session, handover, self._appeared, self._vanished)
+        self._reported: set[str] = set()
+        # Steady time, because with use_sim_time the clock of the node stops while the simulation is paused.
+        self._timer = node.create_timer(_POLL_INTERVAL, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._watch = Watch(session, handover, self._server_found, self._server_lost)
 
     def close(self) -> None:
-        """Takes everything back."""
+        """Closes all relays."""
         self._watch.close()
         self._node.destroy_timer(self._timer)
         mappings, self._mappings = self._mappings, {}
         for mapping in mappings.values():
             self._end(mapping, "the bridge is stopping")
 
-    def _appeared(self, name: str, zenoh_id: str) -> None:
+    def _server_found(self, name: str, zenoh_id: str) -> None:
         if self._settings.server not in ("", name):
             return
         if name in self._mappings:
-            self._unmap(name, f"{name} was started again")
+            self._unmap(name, f"{name} was restarted")
         server = Server(
-            self._session, self._handover, name, zenoh_id, lambda entries: self._listed(name, entries), self._logger
+            self._session,
+            self._handover,
+            name,
+            zenoh_id,
+            lambda entries: self._listing_received(name, entries),
+            self._logger,
         )
         self._mappings[name] = Mapping(server)
-        self._logger.info(f"{name} is there")
+        self._logger.info(f"found {name}")
 
-    def _vanished(self, name: str, zenoh_id: str) -> None:
+    def _server_lost(self, name: str, zenoh_id: str) -> None:
         mapping = self._mappings.get(name)
         if mapping is not None and mapping.server.zenoh_id == zenoh_id:
-            self._unmap(name, f"{name} is gone")
-            self._logger.info(f"{name} is gone, waiting for it to come back")
+            self._unmap(name, f"{name} stopped or cannot be reached")
+            self._logger.info(f"{name} stopped or cannot be reached; waiting for it")
 
     def _unmap(self, name: str, reason: str) -> None:
         self._end(self._mappings.pop(name), reason)
@@ -88,9 +93,9 @@ class Bridge:
         mapping.server.close()
         self._remove(mapping, set(mapping.relays), reason)
 
-    def _listed(self, name: str, entries: list[Entry]) -> None:
+    def _listing_received(self, name: str, entries: list[Entry]) -> None:
         mapping = self._mappings[name]
-        self._remove(mapping, mapping.relays.keys() - set(entries), f"{name} does not offer it any more")
+        self._remove(mapping, mapping.relays.keys() - set(entries), f"{name} no longer provides it")
         added = [entry for entry in entries if entry not in mapping.relays]
         for entry in added:
             mapping.relays[entry] = self._map(entry)
@@ -101,7 +106,7 @@ class Bridge:
             self._logger.info(f"{name}: {mapped - services} topics and {services} services are mapped")
 
     def _map(self, entry: Entry) -> Relay | None:
-        """Returns the relay of an entry; None, with a word in the log, if there can be none."""
+        """Returns the relay of an entry; None, with a warning in the log, if the entry cannot be mapped."""
         name = self._settings.naming.ros_name(entry.name)
         if name is None:
             return None
@@ -111,11 +116,11 @@ class Bridge:
                 raise TypeRefused(_clash(name, entry, self._owners[owned]))
             relay = self._relay(entry, name, find_type(entry.type, entry.hash))
         except TypeRefused as refusal:
-            self._tell(f"{name} ({entry.type}) is not mapped", str(refusal))
+            self._warn(f"{name} ({entry.type}) is not mapped", str(refusal))
             return None
         except Exception as error:
-            # Rclpy's exceptions, for instance for a bad override of the quality of service, have no common base.
-            self._tell(f"{name} ({entry.type}) is not mapped", f"{type(error).__name__}: {error}")
+            # Rclpy's exceptions, for example for an invalid QoS override, have no common base class.
+            self._warn(f"{name} ({entry.type}) is not mapped", f"{type(error).__name__}: {error}")
             return None
         self._owners[owned] = entry
         return relay
@@ -136,19 +141,19 @@ class Bridge:
                 freed |= {name for name, owner in self._owners.items() if owner == entry}
         for name in freed:
             del self._owners[name]
-        self._map_to(freed)
+        self._map_freed(freed)
 
-    def _map_to(self, names: set[tuple[str, str]]) -> None:
-        """Maps what other servers, or the same one, have for names that were taken."""
+    def _map_freed(self, names: set[tuple[str, str]]) -> None:
+        """Maps interfaces whose names were used by another interface until now."""
         for mapping in self._mappings.values():
             for entry, relay in mapping.relays.items():
                 if relay is None and (_kind(entry), self._settings.naming.ros_name(entry.name)) in names:
                     mapping.relays[entry] = self._map(entry)
 
-    def _tell(self, what: str, why: str) -> None:
-        """Logs a refusal; the reason, which may go for a whole package, only once."""
-        self._logger.warning(f"{what}: {why}" if why not in self._told else f"{what}, for a reason given before")
-        self._told.add(why)
+    def _warn(self, what: str, reason: str) -> None:
+        """Logs a refusal; a reason that applies to many types is written only once."""
+        self._logger.warning(f"{what}: {reason}" if reason not in self._reported else f"{what}: same reason as above")
+        self._reported.add(reason)
 
     def _poll(self) -> None:
         for mapping in tuple(self._mappings.values()):
@@ -164,7 +169,7 @@ def _kind(entry: Entry) -> str:
 
 def _clash(name: str, entry: Entry, owner: Entry) -> str:
     if entry.name != owner.name:
-        return f"{owner.name} has the name {name} here already; `remap` one of them"
+        return f"{owner.name} already has the ROS name {name}; `remap` one of them"
     if isinstance(entry, ServiceEntry) or (isinstance(owner, TopicEntry) and entry.published == owner.published):
-        return "that of another server has the name, and keeps it for as long as it is there"
-    return "it is mapped already, and what is published there would come back to where it is from"
+        return "another server uses the same name; it is mapped when that server stops"
+    return "it is already mapped in the other direction, and its messages would return to their sender"

@@ -1,30 +1,30 @@
-"""Turns a failure into a response: a ROS client can wait for ever, but cannot be told of an error in any other way."""
+"""Writes an error into a service response, because ROS 2 services cannot return errors in another way."""
 
 from typing import Any
 
-_SENTENCES = ("message", "status_message", "error_message")
+_MESSAGE_FIELDS = ("message", "status_message", "error_message")
 _SIMULATION_RESULT = "simulation_interfaces/Result"
 
 
-def fill_in(response: Any, sentence: str) -> bool:
-    """Writes a failure into a response of any type.
+def fill_in(response: Any, message: str) -> bool:
+    """Writes an error into a response of any type.
 
     Args:
         response: A response with its initial values.
-        sentence: What went wrong.
+        message: The error message.
 
     Returns:
-        Whether the type has a place that tells a failure from a success.
+        Whether the type has a field that distinguishes failure from success.
     """
     fields = response.get_fields_and_field_types()
-    for name in _SENTENCES:
+    for name in _MESSAGE_FIELDS:
         if fields.get(name) == "string":
-            setattr(response, name, sentence)
+            setattr(response, name, message)
     if fields.get("success") == "boolean":
         response.success = False
         return True
     if fields.get("result") == _SIMULATION_RESULT:
         response.result.result = response.result.RESULT_OPERATION_FAILED
-        response.result.error_message = sentence
+        response.result.error_message = message
         return True
     return False

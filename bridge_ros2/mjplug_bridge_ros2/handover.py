@@ -1,4 +1,4 @@
-"""From Zenoh's threads to the executor's."""
+"""Passes calls from Zenoh's threads to the executor's thread."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,10 +8,10 @@ import rclpy
 
 
 class Handover:
-    """Has functions called on the executor's thread, and wakes it.
+    """Calls functions on the executor's thread, and wakes the executor.
 
-    They are called in the order in which they were handed over. The tasks of an executor alone are not: rclpy does not
-    promise any order, and that of Humble begins with the latest.
+    The functions are called in the order of the calls to `call`. The tasks of an executor have no defined order; in
+    Humble, the newest task runs first.
 
     Args:
         executor: The executor.
@@ -22,12 +22,12 @@ class Handover:
         self._calls: deque[tuple[Callable[..., Any], tuple[Any, ...]]] = deque()
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Calls a function later; may be used on any thread."""
+        """Calls a function later on the executor's thread; can be used on any thread."""
         self._calls.append((function, arguments))
         try:
             self._executor.create_task(self._run)
         except Exception:
-            # After an interrupt there is nothing to wake any more.
+            # After an interrupt, the executor no longer exists.
             if rclpy.ok():
                 raise
 

@@ -1,4 +1,4 @@
-"""What a server offers, as its queryable `<namespace>/<node_name>/interfaces` tells it."""
+"""The list of a server's interfaces, from its queryable `<namespace>/<node_name>/interfaces`."""
 
 import json
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ class QoS:
     """Quality of service of a topic.
 
     Attributes:
-        depth: KEEP_LAST depth.
-        reliable: Whether messages are sent again until they arrive; otherwise best effort.
-        latched: Whether late joiners get the last messages, as with `transient_local`.
+        depth: Queue depth with KEEP_LAST.
+        reliable: Whether lost messages are sent again; otherwise best effort.
+        latched: Whether late subscribers get the last messages (`transient_local`).
     """
 
     depth: int
@@ -31,7 +31,7 @@ class TopicEntry:
 
     Attributes:
         name: Full ROS name.
-        key: Zenoh key of its CDR.
+        key: Zenoh key of the CDR messages.
         type: ROS type name, such as `std_msgs/msg/String`.
         hash: RIHS01 hash of the type.
         published: Whether the server publishes it; otherwise it subscribes to it.
@@ -67,28 +67,28 @@ Entry = TopicEntry | ServiceEntry
 
 
 def read_listing(payload: bytes) -> "list[Entry]":
-    """Returns the topics and services, published topics first and `/clock` before all others.
+    """Returns the topics and services: `/clock` first, then the other published topics.
 
-    What a newer server tells in addition is ignored.
+    Unknown fields of a newer server are ignored.
 
     Raises:
         ListingError: The payload is not such a list.
     """
     try:
-        told = json.loads(payload)
-        topics = [_topic(topic) for topic in told["topics"]]
-        services = [ServiceEntry(**_common(service)) for service in told["services"]]
+        data = json.loads(payload)
+        topics = [_topic(topic) for topic in data["topics"]]
+        services = [ServiceEntry(**_common(service)) for service in data["services"]]
     except (ValueError, KeyError, TypeError) as error:
         raise ListingError(f"the list of interfaces cannot be read: {error!r}") from error
     topics.sort(key=lambda topic: (topic.name != "/clock", not topic.published))
     return [*topics, *services]
 
 
-def _topic(told: "dict[str, Any]") -> TopicEntry:
-    qos = told["qos"]
+def _topic(data: "dict[str, Any]") -> TopicEntry:
+    qos = data["qos"]
     return TopicEntry(
-        **_common(told),
-        published=_one_of(told["direction"], ("published", "subscribed")) == "published",
+        **_common(data),
+        published=_one_of(data["direction"], ("published", "subscribed")) == "published",
         qos=QoS(
             depth=int(qos["depth"]),
             reliable=_one_of(qos["reliability"], _RELIABILITIES) == "reliable",
@@ -97,11 +97,11 @@ def _topic(told: "dict[str, Any]") -> TopicEntry:
     )
 
 
-def _common(told: "dict[str, Any]") -> "dict[str, str]":
-    return {name: str(told[name]) for name in ("name", "key", "type", "hash")}
+def _common(data: "dict[str, Any]") -> "dict[str, str]":
+    return {name: str(data[name]) for name in ("name", "key", "type", "hash")}
 
 
 def _one_of(word: str, words: "tuple[str, ...]") -> str:
     if word not in words:
-        raise ValueError(f"{word!r} is none of {', '.join(words)}")
+        raise ValueError(f"{word!r} is not one of {', '.join(words)}")
     return word

@@ -1,4 +1,4 @@
-"""`ros2 run mjplug_bridge_ros2 bridge`."""
+"""The command `ros2 run mjplug_bridge_ros2 bridge`."""
 
 import signal
 import sys
@@ -13,9 +13,9 @@ from mjplug_bridge_ros2.errors import SettingsError
 from mjplug_bridge_ros2.handover import Handover
 
 _NO_ZENOH = (
-    f"eclipse-zenoh is not installed for {sys.executable}: make an environment that sees ROS's packages with "
-    "`python3 -m venv --system-site-packages ~/mjplug_ros`, install it there with `~/mjplug_ros/bin/pip install "
-    "eclipse-zenoh`, and start the bridge after `source ~/mjplug_ros/bin/activate`"
+    f"eclipse-zenoh is not installed for {sys.executable}: create an environment that includes ROS's packages with "
+    "`python3 -m venv --system-site-packages ~/mjplug_ros`, install eclipse-zenoh there with "
+    "`~/mjplug_ros/bin/pip install eclipse-zenoh`, and start the bridge after `source ~/mjplug_ros/bin/activate`"
 )
 
 
@@ -23,10 +23,10 @@ def main(args: Sequence[str] | None = None) -> int:
     """Runs the bridge until it is interrupted.
 
     Args:
-        args: The command line, as for any ROS node; None for that of this process.
+        args: The ROS command line arguments; None: those of this process.
 
     Returns:
-        The exit code: 2 for wrong parameters, 1 if there is no Zenoh.
+        The exit code: 2 for invalid parameters, 1 if eclipse-zenoh is not installed.
     """
     try:
         import zenoh  # noqa: F401, PLC0415
@@ -50,7 +50,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _run(node: Any, executor: Any) -> int:
-    # Not before it is certain that there is a zenoh.
+    # These modules can be imported only after `main` has checked that zenoh is installed.
     from zenoh import Session, ZError  # noqa: PLC0415
 
     from mjplug_bridge_ros2.bridge import Bridge  # noqa: PLC0415
@@ -62,10 +62,10 @@ def _run(node: Any, executor: Any) -> int:
         settings = read_settings(node)
         config = configure(settings)
     except SettingsError as error:
-        logger.fatal(f"wrong parameters:\n{error}")
+        logger.fatal(f"invalid parameters:\n{error}")
         return 2
     except ZError as error:
-        logger.fatal(f"the configuration of Zenoh is wrong: {plain(error)}")
+        logger.fatal(f"the Zenoh configuration is invalid: {plain(error)}")
         return 2
     handover = Handover(executor)
     bridges: list[Bridge] = []
@@ -74,25 +74,25 @@ def _run(node: Any, executor: Any) -> int:
     def start(session: Session) -> None:
         bridges.append(Bridge(node, handover, session, settings))
 
-    def explain(reason: str) -> None:
+    def report(reason: str) -> None:
         if reason not in reasons:
             logger.info(f"not connected yet: {reason}")
             reasons.add(reason)
 
     logger.info(f"waiting for a server at {' or '.join(settings.connect) or settings.zenoh_config}")
     connector = Connector(
-        config, lambda session: handover.call(start, session), lambda reason: handover.call(explain, reason)
+        config, lambda session: handover.call(start, session), lambda reason: handover.call(report, reason)
     )
     try:
         with suppress(KeyboardInterrupt, ExternalShutdownException):
             connector.start()
             executor.spin()
     except Exception:
-        # When a signal ends the context while `spin` works, rclpy raises what it stumbles over, such as an RCLError.
+        # If a signal shuts the context down during `spin`, rclpy raises various errors, such as RCLError.
         if rclpy.ok():
             raise
     finally:
-        # `ros2 launch` may send two; the second one would abort what follows, and Zenoh's threads would never end.
+        # `ros2 launch` may send two signals; the second would abort the cleanup, and Zenoh's threads would not end.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         for bridge in bridges:
             bridge.close()

@@ -1,4 +1,4 @@
-"""Which interfaces are mapped, and what they are called in ROS."""
+"""Selects the interfaces to map, and determines their ROS names."""
 
 import re
 from dataclasses import dataclass, field
@@ -11,19 +11,19 @@ _FULL_NAME = re.compile(rf"(?:/{_TOKEN})+")
 
 
 def is_full_name(name: str) -> bool:
-    """Whether a text is a full ROS name, such as `/robot1/scan`."""
+    """Returns whether a text is a full ROS name, such as `/robot1/scan`."""
     return _FULL_NAME.fullmatch(name) is not None
 
 
 @dataclass(frozen=True)
 class Naming:
-    """Rules that lead from the server's names to those in ROS.
+    """Rules that map the server's names to ROS names.
 
     Attributes:
-        allow: Only names that one of these matches as a whole are mapped.
-        deny: Names that one of these matches as a whole are not.
-        namespace: What names begin with in ROS, such as `/robot1`; empty for nothing.
-        remap: What to call names instead; no namespace is added to these.
+        allow: Only names that fully match one of these patterns are mapped.
+        deny: Names that fully match one of these patterns are not mapped.
+        namespace: Prefix of the ROS names, such as `/robot1`; empty: no prefix.
+        remap: New names by the server's names; they get no prefix.
     """
 
     allow: tuple[Pattern[str], ...] = (re.compile(".*"),)
@@ -32,14 +32,14 @@ class Naming:
     remap: dict[str, str] = field(default_factory=dict)
 
     def ros_name(self, name: str) -> str | None:
-        """Returns what an interface is called in ROS; None if it is not to be mapped.
+        """Returns the ROS name of an interface; None if the interface is not mapped.
 
         Args:
-            name: The server's full name for it.
+            name: Full name of the interface in the server.
         """
         if not _matches(self.allow, name) or _matches(self.deny, name):
             return None
-        # All nodes look for the clock in one place, whatever their namespace.
+        # ROS nodes subscribe to `/clock` in every namespace.
         return self.remap.get(name, name if name == CLOCK else f"{self.namespace}{name}")
 
 

@@ -1,4 +1,4 @@
-"""Keeps the newest messages of a topic for a reader that may be slower than the messages arrive."""
+"""A queue that drops the oldest messages if they arrive faster than they are handled."""
 
 import threading
 from collections import deque
@@ -7,13 +7,13 @@ from typing import Any
 
 
 class Newest:
-    """Calls a function with each message, on a thread of its own.
+    """Calls a function with each message on a separate thread.
 
-    While more than `depth` messages wait, the oldest are dropped.
+    If more than `depth` messages wait, the oldest are dropped.
 
     Args:
-        handle: Gets each message.
-        depth: How many messages may wait, at least 1.
+        handle: Called with each message.
+        depth: Largest number of waiting messages, at least 1.
     """
 
     def __init__(self, handle: Callable[[Any], None], depth: int) -> None:
@@ -24,13 +24,13 @@ class Newest:
         threading.Thread(target=self._run, daemon=True).start()
 
     def add(self, message: Any) -> None:
-        """Takes a message, from any thread, and does not wait."""
+        """Adds a message without blocking; can be called from any thread."""
         with self._changed:
             self._waiting.append(message)
             self._changed.notify()
 
     def close(self) -> None:
-        """Drops what waits; a message that is being handled is handled to its end."""
+        """Drops the waiting messages; the handling of a current message is not interrupted."""
         with self._changed:
             self._closed = True
             self._waiting.clear()

@@ -1,4 +1,4 @@
-"""The server's quality of service in rclpy's words, and the parameters `qos_overrides.<topic>...` that change it."""
+"""Converts the server's QoS to rclpy profiles that the parameters `qos_overrides.<topic>...` can change."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -9,7 +9,7 @@ _KINDS = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
 
 
 def profile(qos: QoS) -> QoSProfile:
-    """Returns the profile to create a publisher or subscription with."""
+    """Returns the QoS profile for a ROS publisher or subscription."""
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=qos.depth,
@@ -19,5 +19,5 @@ def profile(qos: QoS) -> QoSProfile:
 
 
 def overridable() -> QoSOverridingOptions:
-    """Returns what makes rclpy declare the parameters, read them and check them."""
+    """Returns the options that make rclpy declare, read and check the override parameters."""
     return QoSOverridingOptions(_KINDS)

@@ -1,6 +1,6 @@
-"""Finds the server's types in this ROS installation, and makes sure that they are the same.
+"""Finds the server's types in the ROS installation, and checks that their definitions are the same.
 
-The message packages are imported by name, as `rosidl_runtime_py` does it, which would bring numpy along.
+The message packages are imported by name; `rosidl_runtime_py` does the same but would import numpy.
 """
 
 import importlib
@@ -16,43 +16,43 @@ _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?P<kind>msg|srv)/(?P<name>[A-
 
 
 def find_type(type_name: str, type_hash: str) -> Any:
-    """Returns the class of a message or service, if it is the one that the server means.
+    """Returns the class of a message or service, if its definition is the same as in the server.
 
     Args:
-        type_name: Such as `std_msgs/msg/String`.
-        type_hash: The RIHS01 hash that the server has for it.
+        type_name: ROS type name, such as `std_msgs/msg/String`.
+        type_hash: RIHS01 hash of the type in the server.
 
     Raises:
-        TypeRefused: It is not installed, or its definition is another one.
+        TypeRefused: The type is not installed, or its definition differs.
     """
-    found = import_type(type_name)
+    ros_type = import_type(type_name)
     installed = _installed_hash(type_name)
     if installed not in (None, type_hash):
         package, _, name = type_name.partition("/")
         raise TypeRefused(
             f"the installed {package} defines {name} differently ({installed} here, {type_hash} at the server), "
-            "so that neither could read what the other writes; install the version that the server has"
+            "so they cannot read each other's messages; install the same version as the server"
         )
-    return found
+    return ros_type
 
 
 def import_type(type_name: str) -> Any:
     """Returns the class of a message or service.
 
     Raises:
-        TypeRefused: It is not installed.
+        TypeRefused: The type is not installed.
     """
     match = _TYPE.fullmatch(type_name)
     if match is None:
         raise TypeRefused(f"{type_name!r} is not the name of a ROS message or service")
     package, kind, name = match["package"], match["kind"], match["name"]
-    found = getattr(_import(package, kind), name, None)
-    if found is None:
+    ros_type = getattr(_import(package, kind), name, None)
+    if ros_type is None:
         raise TypeRefused(
-            f"the installed {package} has no {kind}/{name}; it is another version than the server's: "
+            f"the installed {package} has no {kind}/{name}; its version differs from the server's: "
             f"try `sudo apt update && sudo apt install {_apt(package)}`"
         )
-    return found
+    return ros_type
 
 
 def _import(package: str, kind: str) -> Any:
@@ -60,13 +60,13 @@ def _import(package: str, kind: str) -> Any:
         return importlib.import_module(f"{package}.{kind}")
     except ModuleNotFoundError as error:
         if error.name not in (package, f"{package}.{kind}"):
-            raise TypeRefused(f"the package {package} does not work here: {error}") from error
+            raise TypeRefused(f"the package {package} cannot be imported: {error}") from error
         raise TypeRefused(
-            f"the package {package} is not installed here: try `sudo apt install {_apt(package)}`, then start the "
+            f"the package {package} is not installed: try `sudo apt install {_apt(package)}`, then start the "
             "bridge again"
         ) from error
     except ImportError as error:
-        raise TypeRefused(f"the package {package} does not work here: {error}") from error
+        raise TypeRefused(f"the package {package} cannot be imported: {error}") from error
 
 
 def _apt(package: str) -> str:
@@ -74,11 +74,13 @@ def _apt(package: str) -> str:
 
 
 def _installed_hash(type_name: str) -> str | None:
-    """Returns the hash that rosidl wrote next to the definition; None before Iron, which had no hashes."""
+    """Returns the hash that rosidl installed with the definition; None in ROS distributions before Iron."""
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         try:
-            told = json.loads(Path(prefix, "share", f"{type_name}.json").read_text(encoding="utf-8"))
+            description = json.loads(Path(prefix, "share", f"{type_name}.json").read_text(encoding="utf-8"))
         except FileNotFoundError:
             continue
-        return next((entry["hash_string"] for entry in told["type_hashes"] if entry["type_name"] == type_name), None)
+        return next(
+            (entry["hash_string"] for entry in description["type_hashes"] if entry["type_name"] == type_name), None
+        )
     return None

@@ -1,8 +1,8 @@
-"""Which servers there are, and what each of them offers at the moment.
+"""Finds the servers and their current interfaces.
 
-A server keeps a liveliness token `@mjplug/<namespace>/<node_name>/<Zenoh id>`; its queryable
-`<namespace>/<node_name>/interfaces` lists its topics and services, and a message on the same key says that the list has
-changed. Zenoh tells all this on its own threads; here it is handed to the executor, where everything else happens.
+A server declares a liveliness token `@mjplug/<namespace>/<node_name>/<Zenoh id>`. Its queryable
+`<namespace>/<node_name>/interfaces` returns its topics and services, and it publishes a message on the same key when
+the list changes. Zenoh calls the callbacks on its own threads; this module passes the calls to the executor's thread.
 """
 
 from collections.abc import Callable
@@ -17,20 +17,20 @@ from mjplug_bridge_ros2.listing import Entry, read_listing
 
 _TOKENS = "@mjplug"
 
-_PATIENCE = 5.0
-"""How long to wait for a list before asking again [s]; the answer comes within milliseconds."""
+_LISTING_TIMEOUT = 5.0
+"""Timeout of a query for the list [s]; after it, the query is repeated. A reply normally takes milliseconds."""
 
 
 class Server:
-    """One server that is there, whose list is asked for until it is known and whenever it has changed.
+    """One running server; queries its list of interfaces at the start and after each change.
 
     Args:
-        session: The session to ask with.
-        handover: The way to the thread on which `listed` is called.
-        name: The server's full name.
-        zenoh_id: The id of its session, which is another one after a restart.
+        session: The session for the queries.
+        handover: Calls `listed` on the thread of the node.
+        name: Full name of the server.
+        zenoh_id: Id of its Zenoh session; it changes with every start of the server.
         listed: Called with each list.
-        logger: Where to complain.
+        logger: Logger for errors.
     """
 
     def __init__(
@@ -49,17 +49,19 @@ class Server:
         self._listed = listed
         self._logger = logger
         self._key = f"{name[1:]}/interfaces"
-        self._stale = True
-        self._asking = False
-        self._gone = False
-        self._changes: Any = session.declare_subscriber(self._key, Callback(self._heard, drop=None, indirect=False))
+        self._outdated = True
+        self._querying = False
+        self._closed = False
+        self._changes: Any = session.declare_subscriber(
+            self._key, Callback(self._change_received, drop=None, indirect=False)
+        )
         self.refresh()
 
     def refresh(self) -> None:
-        """Asks for the list, if it is not the newest one and nobody has asked already."""
-        if not self._stale or self._asking or self._gone:
+        """Queries the list if it is outdated and no query is running."""
+        if not self._outdated or self._querying or self._closed:
             return
-        self._stale, self._asking = False, True
+        self._outdated, self._querying = False, True
         replies: list[bytes] = []
 
         def answered(reply: zenoh.Reply) -> None:
@@ -67,47 +69,47 @@ class Server:
                 replies.append(reply.ok.payload.to_bytes())
 
         def ended() -> None:
-            self._handover.call(self._answered, replies)
+            self._handover.call(self._query_finished, replies)
 
-        self._session.get(self._key, Callback(answered, drop=ended, indirect=False), timeout=_PATIENCE)
+        self._session.get(self._key, Callback(answered, drop=ended, indirect=False), timeout=_LISTING_TIMEOUT)
 
     def close(self) -> None:
-        """Forgets it."""
-        self._gone = True
+        """Stops following the server."""
+        self._closed = True
         self._changes.undeclare()
 
-    def _heard(self, sample: zenoh.Sample) -> None:
+    def _change_received(self, sample: zenoh.Sample) -> None:
         self._handover.call(self._changed)
 
     def _changed(self) -> None:
-        self._stale = True
+        self._outdated = True
         self.refresh()
 
-    def _answered(self, replies: list[bytes]) -> None:
-        self._asking = False
-        if self._gone:
+    def _query_finished(self, replies: list[bytes]) -> None:
+        self._querying = False
+        if self._closed:
             return
         if not replies:
-            # It has its token already, but not yet its queryable; `refresh` is called again soon.
-            self._stale = True
+            # The server has declared its token but not yet its queryable; `refresh` is called again soon.
+            self._outdated = True
             return
         try:
             entries = read_listing(replies[0])
         except ListingError as error:
-            self._logger.error(f"{self.name}: {error}; is it another version of mjplug?")
+            self._logger.error(f"{self.name}: {error}; its mjplug version may differ from the bridge's")
             return
         self._listed(entries)
         self.refresh()
 
 
 class Watch:
-    """Follows the tokens of all servers.
+    """Follows the liveliness tokens of all servers.
 
     Args:
-        session: The session to listen with.
-        handover: The way to the thread on which `appeared` and `vanished` are called.
-        appeared: Called with the name and the Zenoh id of a server.
-        vanished: The same.
+        session: The session for the subscription.
+        handover: Calls `appeared` and `vanished` on the thread of the node.
+        appeared: Called with name and Zenoh id of a server that starts.
+        vanished: Called with name and Zenoh id of a server that stops or cannot be reached.
     """
 
     def __init__(
@@ -117,15 +119,15 @@ class Watch:
         appeared: Callable[[str, str], None],
         vanished: Callable[[str, str], None],
     ) -> None:
-        def tell(sample: zenoh.Sample) -> None:
+        def report(sample: zenoh.Sample) -> None:
             name, _, zenoh_id = str(sample.key_expr)[len(_TOKENS) :].rpartition("/")
-            report = appeared if sample.kind == zenoh.SampleKind.PUT else vanished
-            handover.call(report, name, zenoh_id)
+            callback = appeared if sample.kind == zenoh.SampleKind.PUT else vanished
+            handover.call(callback, name, zenoh_id)
 
         self._subscriber: Any = session.liveliness().declare_subscriber(
-            f"{_TOKENS}/**", Callback(tell, drop=None, indirect=False), history=True
+            f"{_TOKENS}/**", Callback(report, drop=None, indirect=False), history=True
         )
 
     def close(self) -> None:
-        """Stops."""
+        """Stops following the servers."""
         self._subscriber.undeclare()

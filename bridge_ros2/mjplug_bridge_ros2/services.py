@@ -1,10 +1,10 @@
-"""Services: a call from ROS becomes a Zenoh query, and nothing waits for its reply but the call itself.
+"""Services: a ROS service call becomes a Zenoh query; other calls are not blocked while it waits for the reply.
 
-The callback of a service is a coroutine. While it awaits a future, the executor does other things. Zenoh's thread hands
-the reply over to the executor's, which completes the future; if Zenoh's completed it, some versions of rclpy would not
-wake up. The callback group has to be reentrant, or each call would wait for the one before.
+The callback of a service is a coroutine. While it awaits a future, the executor runs other callbacks. Zenoh's thread
+passes the reply to the executor's thread, which completes the future; if Zenoh's thread completed it, some versions of
+rclpy would not wake up. The callback group is reentrant, because otherwise each call would wait for the previous one.
 
-Rclpy has requests and responses as objects only, unlike messages of topics. So each is serialised once more here.
+Rclpy passes requests and responses as objects only, unlike topic messages, so they are serialised here once more.
 """
 
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from mjplug_bridge_ros2.listing import ServiceEntry
 from mjplug_bridge_ros2.session import plain
 
 _ZENOH_TIMEOUT = "Timeout"
-"""What Zenoh's own error reply says."""
+"""Text of Zenoh's error reply after a timeout."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a call ended.
+    """The result of a call.
 
     Attributes:
-        payload: The response in CDR; None if there is none.
-        error: What went wrong, if there is none.
+        payload: The response in CDR; None if the call failed.
+        error: The error message if the call failed.
     """
 
     payload: bytes | None
@@ -42,13 +42,13 @@ class ServiceRelay:
     """A service of the server.
 
     Args:
-        node: The node to offer it with.
-        handover: The way to the thread of the node.
-        session: The session to ask the server with.
-        entry: The service.
-        ros_name: What it is called in ROS.
-        service_type: Its class.
-        timeout: How long a call may take [s].
+        node: The ROS node that provides the service.
+        handover: Calls functions on the thread of the node.
+        session: The session for the queries.
+        entry: The service of the server.
+        ros_name: Its name in ROS.
+        service_type: Its ROS class.
+        timeout: Timeout of a call [s].
     """
 
     def __init__(
@@ -70,51 +70,51 @@ class ServiceRelay:
         self._timeout = timeout
         self._encoding = zenoh.Encoding.APPLICATION_CDR.with_schema(entry.type)
         self._waiting: set[Any] = set()
-        self._closed_because = ""
+        self._close_reason = ""
         self._service = node.create_service(
             service_type, ros_name, self._serve, callback_group=ReentrantCallbackGroup()
         )
 
     def poll(self) -> None:
-        """Does nothing: a service is needed whether somebody calls it or not."""
+        """Does nothing: a service does not depend on the number of clients."""
 
     def close(self, reason: str) -> None:
-        """Fails the calls that wait, and takes the service away when they have been answered.
+        """Fails the waiting calls, and destroys the service after their responses were sent.
 
         Args:
-            reason: Why, for the clients.
+            reason: The reason, for the error messages.
         """
-        self._closed_because = reason
+        self._close_reason = reason
         for future in tuple(self._waiting):
             self._finish(future, Outcome(None, reason))
         if not self._waiting:
             self._node.destroy_service(self._service)
 
     async def _serve(self, request: Any, response: Any) -> Any:
-        if self._closed_because:
-            return self._failed(response, self._closed_because)
+        if self._close_reason:
+            return self._failed(response, self._close_reason)
         future = Future()
         self._waiting.add(future)
         try:
-            self._ask(serialize_message(request), future)
+            self._query(serialize_message(request), future)
             outcome = await future
         finally:
             self._waiting.discard(future)
-            self._leave()
+            self._destroy_if_unused()
         if outcome.payload is None:
             return self._failed(response, outcome.error)
         try:
             return deserialize_message(outcome.payload, self._type.Response)
         except Exception as error:
-            # Each RMW has exceptions of its own for this.
+            # The exception type depends on the RMW.
             return self._failed(response, f"the response of the server cannot be read: {error}")
 
-    def _leave(self) -> None:
-        """After the last call of a service that is closed: takes it away, once the response has been sent."""
-        if self._closed_because and not self._waiting:
+    def _destroy_if_unused(self) -> None:
+        """Destroys a closed service after the response of its last call was sent."""
+        if self._close_reason and not self._waiting:
             self._handover.call(self._node.destroy_service, self._service)
 
-    def _ask(self, payload: bytes, future: Any) -> None:
+    def _query(self, payload: bytes, future: Any) -> None:
         def answered(reply: zenoh.Reply) -> None:
             self._handover.call(self._finish, future, self._outcome(reply))
 
@@ -126,23 +126,23 @@ class ServiceRelay:
         try:
             self._session.get(self._entry.key, handler, payload=payload, encoding=self._encoding, timeout=self._timeout)
         except zenoh.ZError as error:
-            self._finish(future, Outcome(None, f"the server cannot be asked: {plain(error)}"))
+            self._finish(future, Outcome(None, f"the query to the server failed: {plain(error)}"))
 
     def _outcome(self, reply: zenoh.Reply) -> Outcome:
         if reply.ok is not None:
             return Outcome(reply.ok.payload.to_bytes())
         assert reply.err is not None
-        sentence = reply.err.payload.to_bytes().decode(errors="replace")
-        if sentence == _ZENOH_TIMEOUT:
-            sentence = f"the server did not answer within {self._timeout:g} s"
-        return Outcome(None, sentence)
+        message = reply.err.payload.to_bytes().decode(errors="replace")
+        if message == _ZENOH_TIMEOUT:
+            message = f"the server did not answer within {self._timeout:g} s"
+        return Outcome(None, message)
 
     def _finish(self, future: Any, outcome: Outcome) -> None:
         if not future.done():
             future.set_result(outcome)
 
-    def _failed(self, response: Any, sentence: str) -> Any:
-        told = fill_in(response, sentence)
-        rest = "" if told else "; the type of the response cannot say so, and the client got its initial values"
-        self._node.get_logger().error(f"{self._name}: {sentence}{rest}")
+    def _failed(self, response: Any, message: str) -> Any:
+        reported = fill_in(response, message)
+        rest = "" if reported else "; the response type has no field for errors, so the client got default values"
+        self._node.get_logger().error(f"{self._name}: {message}{rest}")
         return response

@@ -1,4 +1,4 @@
-"""The Zenoh session. It is a client, for which a router or server passes everything on, and sends no multicast."""
+"""The Zenoh session: a client of a server or router, without multicast."""
 
 import json
 import re
@@ -11,37 +11,37 @@ import zenoh
 from mjplug_bridge_ros2.settings import Settings
 
 _RETRY = {"period_init_ms": 500, "period_max_ms": 2000, "period_increase_factor": 2}
-"""How soon Zenoh looks for a server that was lost; its own waits grow to 4 s."""
+"""Intervals of Zenoh's reconnection attempts; by default they grow to 4 s."""
 
-_PATIENCE_MS = 1000
-"""How long one attempt to connect may take [ms]."""
+_CONNECT_TIMEOUT_MS = 1000
+"""Timeout of one connection attempt [ms]."""
 
-_SOURCE_PLACE = re.compile(r" at /\S*?\.rs:\d+\.?")
+_SOURCE_LOCATION = re.compile(r" at /\S*?\.rs:\d+\.?")
 
 
 def configure(settings: Settings) -> zenoh.Config:
     """Returns the configuration of the session.
 
     Raises:
-        zenoh.ZError: The configuration file or an endpoint makes no sense.
+        zenoh.ZError: The configuration file or an endpoint is invalid.
     """
     config = zenoh.Config.from_file(settings.zenoh_config) if settings.zenoh_config else zenoh.Config()
     _set(config, "mode", "client")
     if settings.connect:
         _set(config, "connect/endpoints", settings.connect)
-    _set(config, "connect/timeout_ms", _PATIENCE_MS)
+    _set(config, "connect/timeout_ms", _CONNECT_TIMEOUT_MS)
     _set(config, "connect/retry", _RETRY)
     _set(config, "scouting/multicast/enabled", False)
     return config
 
 
 class Connector:
-    """Tries to connect until it succeeds, in a thread; later losses are mended by Zenoh.
+    """Tries to connect in a thread until it succeeds; after that, Zenoh reconnects by itself.
 
     Args:
         config: The configuration.
-        opened: Called with the session, on the thread.
-        failed: Called with the reason of each attempt that failed, on the thread.
+        opened: Called with the session on that thread.
+        failed: Called with the reason of each failed attempt on that thread.
     """
 
     def __init__(
@@ -55,12 +55,12 @@ class Connector:
         self._thread = threading.Thread(target=self._connect)
 
     def start(self) -> None:
-        """Starts trying."""
+        """Starts the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """Stops trying, or closes the session."""
-        # A thread that is in Zenoh when Python ends takes the process down.
+        """Stops the thread and closes the session."""
+        # The process crashes if a thread is inside Zenoh when Python exits.
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join()
@@ -81,8 +81,8 @@ class Connector:
 
 
 def plain(error: zenoh.ZError) -> str:
-    """Returns what a Zenoh error says, without the places in its source code."""
-    return _SOURCE_PLACE.sub("", str(error)).strip()
+    """Returns the text of a Zenoh error without source code locations."""
+    return _SOURCE_LOCATION.sub("", str(error)).strip()
 
 
 def _set(config: zenoh.Config, key: str, value: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from mjplug_bridge_ros2.errors import SettingsError
 from mjplug_bridge_ros2.naming import Naming, is_full_name
 
-# As a default, a list without entries would be taken for a list of bytes.
+# ROS treats an empty list as a list of bytes, so the default of an empty list of texts is [""].
 _NONE = [""]
 
 DEFAULTS: dict[str, Any] = {
@@ -27,14 +27,14 @@ DEFAULTS: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Settings:
-    """What the parameters say.
+    """The values of the parameters.
 
     Attributes:
-        connect: Zenoh endpoints to connect to; the first that answers is taken.
-        zenoh_config: A Zenoh configuration file, for TLS and credentials; None for none.
-        server: Full name of the one server to map; empty for all.
-        naming: What is mapped, and to which names.
-        service_timeout: How long a service call may take [s].
+        connect: Zenoh endpoints to connect to; the first one that answers is used.
+        zenoh_config: Zenoh configuration file, for example for TLS and credentials; None if not set.
+        server: Full name of the server to map; empty: all servers.
+        naming: Which interfaces are mapped, and their ROS names.
+        service_timeout: Timeout of a service call [s].
     """
 
     connect: tuple[str, ...]
@@ -45,21 +45,21 @@ class Settings:
 
 
 def read_settings(node: Any) -> Settings:
-    """Declares the parameters on a node and returns what they say.
+    """Declares the parameters on a node and returns their values.
 
     Raises:
-        SettingsError: Some are wrong.
+        SettingsError: A value is invalid.
     """
     problems: list[str] = []
     values = {name: _declare(node, name, default, problems) for name, default in DEFAULTS.items()}
     config, server, namespace = values["zenoh_config"], values["server"], values["namespace"]
     if config and not Path(config).is_file():
-        problems.append(f"zenoh_config: there is no file {config!r}")
+        problems.append(f"zenoh_config: the file {config!r} does not exist")
     for name, value in (("server", server), ("namespace", namespace)):
         if value and not is_full_name(value):
-            problems.append(f"{name}: {value!r} is not a full ROS name; it looks like /robot1")
+            problems.append(f"{name}: {value!r} is not a full ROS name such as /robot1")
     if not (math.isfinite(values["service_timeout"]) and values["service_timeout"] > 0.0):
-        problems.append(f"service_timeout: it must be above 0 s, not {values['service_timeout']!r}")
+        problems.append(f"service_timeout: the value must be above 0 s, not {values['service_timeout']!r}")
     naming = Naming(
         _patterns("allow", values["allow"], problems),
         _patterns("deny", values["deny"], problems),
@@ -68,18 +68,18 @@ def read_settings(node: Any) -> Settings:
     )
     connect = tuple(filter(None, values["connect"]))
     if not (connect or config):
-        problems.append("connect: it must have an endpoint, such as tcp/127.0.0.1:7447")
+        problems.append("connect: add an endpoint, such as tcp/127.0.0.1:7447")
     if problems:
         raise SettingsError("\n".join(problems))
     return Settings(connect, Path(config) if config else None, server, naming, values["service_timeout"])
 
 
 def _declare(node: Any, name: str, default: Any, problems: list[str]) -> Any:
-    """Declares a parameter and returns its value, or the default if it is wrong."""
+    """Declares a parameter and returns its value, or the default if the value is invalid."""
     try:
         node.declare_parameter(name, default)
     except Exception as error:
-        # Which exception says that a value has the wrong type differs between distributions.
+        # The exception for a value of the wrong type depends on the ROS distribution.
         if isinstance(default, float) and _declared(node, name, round(default)):
             return float(node.get_parameter(name).value)
         problems.append(f"{name}: {error}")
@@ -87,18 +87,18 @@ def _declare(node: Any, name: str, default: Any, problems: list[str]) -> Any:
     try:
         value = node.get_parameter(name).value
     except Exception:
-        # ROS takes `[]` for a parameter without a value, and some versions raise when it is read.
+        # ROS treats `[]` as a parameter without a value, and some versions raise an error when it is read.
         value = None
     if value is None:
         if isinstance(default, list):
             return []
-        problems.append(f"{name}: it has no value")
+        problems.append(f"{name}: the parameter has no value")
         return default
     return value
 
 
 def _declared(node: Any, name: str, default: int) -> bool:
-    """Declares a parameter as an integer; ROS reads 600 as one, and does not take it for a double."""
+    """Declares a parameter as an integer, because ROS reads 600 as an integer and refuses it for a double."""
     try:
         node.declare_parameter(name, default)
     except Exception:
@@ -123,5 +123,5 @@ def _remap(rules: list[str], problems: list[str]) -> dict[str, str]:
         if is_full_name(old) and is_full_name(new):
             remap[old] = new
         else:
-            problems.append(f"remap: {rule!r} must be two full names with := between them, such as /scan:=/robot1/scan")
+            problems.append(f"remap: {rule!r} must be two full names separated by :=, such as /scan:=/robot1/scan")
     return remap

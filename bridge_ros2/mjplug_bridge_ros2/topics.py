@@ -1,4 +1,4 @@
-"""Topics, in either direction. The bytes are CDR on both sides and pass as they are."""
+"""Topics in both directions. Both sides use CDR, so the bytes are passed on unchanged."""
 
 import threading
 from typing import Any
@@ -13,25 +13,24 @@ from mjplug_bridge_ros2.newest import Newest
 from mjplug_bridge_ros2.qos import overridable, profile
 
 _CDR = "application/cdr"
-_UNSTATED = "zenoh/bytes"
+_NO_ENCODING = "zenoh/bytes"
 _CDR_STARTS = (b"\0\0", b"\0\1")
 
 
 class ToRos:
     """A topic that the server publishes.
 
-    It subscribes in Zenoh only while somebody subscribes in ROS, so that the server does not even build messages that
-    nobody reads; a latched topic is read always, since its last message is for those who come later. Messages are
-    published on a thread of the topic: a topic that is slow or waits for its readers does not delay the others, nor
-    does the executor. If publishing is slower than the messages arrive, the oldest are dropped, as the depth of the
-    topic's quality of service says.
+    The relay subscribes in Zenoh only while the ROS topic has subscribers, so that the server does not create messages
+    without subscribers. It always subscribes to a latched topic, because late ROS subscribers need the last message.
+    Each topic has its own thread for publishing, so that a slow topic delays neither the other topics nor the executor.
+    If messages arrive faster than they are published, the oldest are dropped; the QoS depth is the length of the queue.
 
     Args:
-        node: The node to publish with.
-        session: The session to read with.
-        entry: The topic.
-        ros_name: What it is called in ROS.
-        message_type: Its class.
+        node: The ROS node that publishes.
+        session: The session for the subscription.
+        entry: The topic of the server.
+        ros_name: Its name in ROS.
+        message_type: Its ROS class.
     """
 
     def __init__(self, node: Any, session: zenoh.Session, entry: TopicEntry, ros_name: str, message_type: Any) -> None:
@@ -43,7 +42,7 @@ class ToRos:
         )
         self._subscriber: Any = None
         self._newest: Newest | None = None
-        self._encodings = (f"{_CDR};{entry.type}", _CDR, _UNSTATED)
+        self._encodings = (f"{_CDR};{entry.type}", _CDR, _NO_ENCODING)
         self._open = True
         self._guard = threading.Lock()
         self._refused = 0
@@ -51,21 +50,21 @@ class ToRos:
         self.poll()
 
     def poll(self) -> None:
-        """Looks whether there are readers.
+        """Subscribes or unsubscribes, depending on the number of ROS subscribers.
 
-        Rclpy could tell of changes since Iron, but not with every RMW; counting works with all.
+        Since Iron, rclpy can report changes of this number, but not with every RMW, so it is counted.
         """
-        wanted = self._entry.qos.latched or self._publisher.get_subscription_count() > 0
-        if wanted and self._subscriber is None:
+        needed = self._entry.qos.latched or self._publisher.get_subscription_count() > 0
+        if needed and self._subscriber is None:
             self._subscriber = self._subscribe()
-        elif not wanted:
+        elif not needed:
             self._unsubscribe()
 
     def close(self, reason: str) -> None:
-        """Ends it. Messages that are under way are dropped.
+        """Stops the relay. Waiting messages are dropped.
 
         Args:
-            reason: Not used: a topic has nobody to tell it to.
+            reason: Not used, because a topic cannot report errors.
         """
         self._unsubscribe()
         with self._guard:
@@ -75,7 +74,7 @@ class ToRos:
     def _subscribe(self) -> Any:
         key, qos = self._entry.key, self._entry.qos
         self._newest = Newest(self._receive, qos.depth)
-        # On Zenoh's own thread; otherwise zenoh would queue any number of messages.
+        # Called directly on Zenoh's thread, because otherwise zenoh would queue an unlimited number of messages.
         handler = Callback(self._newest.add, drop=None, indirect=False)
         if not qos.latched:
             return self._session.declare_subscriber(key, handler)
@@ -106,27 +105,27 @@ class ToRos:
             try:
                 self._publisher.publish(payload)
             except Exception as error:
-                # An interrupt takes the context away before the bridge hears of it.
+                # After an interrupt, the context is shut down before the bridge is closed.
                 if rclpy.ok():
                     self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        """Says once that ROS refused a message; the thread must live on for those that follow."""
+        """Logs the first message that ROS refused; the thread must continue with the next messages."""
         self._failed += 1
         if self._failed == 1:
             self._node.get_logger().error(
-                f"a message on the key {self._entry.key} could not be published in ROS, and others may follow that are "
-                f"not reported: {error}"
+                f"a message on the key {self._entry.key} could not be published in ROS: {error} (further failures are "
+                "not logged)"
             )
 
     def _refuse(self, sample: zenoh.Sample, payload: bytes) -> None:
-        """Keeps from ROS what its readers would take for a message, and says so once."""
+        """Drops a sample that is not a message of this type; logs the first one."""
         self._refused += 1
         if self._refused == 1:
             start = payload[:4].hex(" ") or "nothing"
             self._node.get_logger().warning(
-                f"dropped a message on the key {self._entry.key}, and will drop others like it without a word: its "
-                f"encoding is {str(sample.encoding)!r} and it starts with {start}; expected {self._encodings[0]!r}"
+                f"dropped a message on the key {self._entry.key}: its encoding is {str(sample.encoding)!r} and it "
+                f"starts with {start}; expected {self._encodings[0]!r} (further dropped messages are not logged)"
             )
 
 
@@ -134,11 +133,11 @@ class ToServer:
     """A topic that the server subscribes to.
 
     Args:
-        node: The node to subscribe with.
-        session: The session to publish with.
-        entry: The topic.
-        ros_name: What it is called in ROS.
-        message_type: Its class.
+        node: The ROS node that subscribes.
+        session: The session for the publisher.
+        entry: The topic of the server.
+        ros_name: Its name in ROS.
+        message_type: Its ROS class.
     """
 
     def __init__(self, node: Any, session: zenoh.Session, entry: TopicEntry, ros_name: str, message_type: Any) -> None:
@@ -154,20 +153,20 @@ class ToServer:
         self._publisher: Any = session.declare_publisher(
             entry.key,
             encoding=zenoh.Encoding.APPLICATION_CDR.with_schema(entry.type),
-            # The executor must not wait for a network that has stalled.
+            # The executor must not wait if the network stalls.
             congestion_control=zenoh.CongestionControl.DROP,
             reliability=zenoh.Reliability.RELIABLE if entry.qos.reliable else zenoh.Reliability.BEST_EFFORT,
             express=True,
         )
 
     def poll(self) -> None:
-        """Does nothing: the server is always there to read, or this would not be."""
+        """Does nothing: the relay exists only while the server subscribes to the topic."""
 
     def close(self, reason: str) -> None:
-        """Ends it.
+        """Stops the relay.
 
         Args:
-            reason: Not used: a topic has nobody to tell it to.
+            reason: Not used, because a topic cannot report errors.
         """
         self._node.destroy_subscription(self._subscription)
         self._publisher.undeclare()

@@ -1,4 +1,4 @@
-"""Drives a floating base over the ground with the velocity that a command topic asks for."""
+"""Drives a floating base over the ground with commanded velocities."""
 
 import math
 
@@ -10,9 +10,9 @@ from mjplug.plugin.bundled import float_view
 from mjplug_plugins.free_body import free_body
 from mjplug_schemas.geometry_msgs import Twist, TwistStamped
 
-_NEVER = -1
-_ALWAYS = 1 << 62
-_LARGEST = float(mujoco.mjMAXVAL)
+_NO_COMMAND = -1
+_MAX_STEPS = 1 << 62
+_MAX_VELOCITY = float(mujoco.mjMAXVAL)
 
 
 class BaseVelocityParameters(Parameters):
@@ -28,32 +28,33 @@ class BaseVelocityParameters(Parameters):
         default=math.inf, gt=0, allow_inf_nan=True, description="Limit of the planar speed [m/s]."
     )
     max_yaw_rate: float = Field(
-        default=math.inf, gt=0, allow_inf_nan=True, description="Limit of the yaw rate, both ways [rad/s]."
+        default=math.inf, gt=0, allow_inf_nan=True, description="Limit of the yaw rate in both directions [rad/s]."
     )
     cmd_timeout: float = Field(
         default=0.5,
         gt=0,
         allow_inf_nan=True,
-        description="How long a command holds, in simulated time from its reception [s].",
+        description="Simulated time for which a command is followed after its reception [s].",
     )
 
 
 class BaseVelocity(Plugin[BaseVelocityParameters]):
-    """Sets the planar velocity of a floating base as `geometry_msgs/Twist` commands say, at every step.
+    """Sets the planar velocity of a floating base from `geometry_msgs/Twist` commands, at every step.
 
-    Driven are the body's linear x and y and its yaw rate; height, roll and pitch are left to physics. A command that is
-    older than `cmd_timeout`, or none at all, means zero. Commands that no physics could follow are ignored.
+    The plugin sets the linear x and y velocity and the yaw rate of the body; physics determines height, roll and pitch.
+    Without a command, or if the command is older than `cmd_timeout`, the velocity is zero. Commands that are not finite
+    or too large are ignored.
 
-    The command is turned by the body's whole orientation and its horizontal part is written. On a slope this is what
-    keeps the speed along the ground: the body's x and y axes lie in the slope, contact adds the vertical part of the
-    motion, and together they are the command. Turning it by the heading alone would be too fast there.
+    The command is rotated by the full orientation of the body, and its horizontal part is written. This gives the
+    commanded speed along the ground on a slope too: the body's x and y axes are parallel to the slope, and contact adds
+    the vertical part. A rotation by the heading alone would be too fast on a slope.
     """
 
     ignored = 0
-    """Commands that were ignored so far."""
+    """Number of ignored commands."""
 
     def init(self, host: Host, parameters: BaseVelocityParameters) -> None:
-        """Looks the base up and starts to hold it."""
+        """Finds the base and holds its velocity at zero."""
         base = free_body(host, parameters.body)
         self._host = host
         self._topic = host.full_name(parameters.cmd_vel_topic)
@@ -63,12 +64,12 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
         self._hold = host.create_velocity_hold((base.dof, base.dof + 1, base.dof + 5))
         self._stop()
         if parameters.use_stamped_twist:
-            host.create_subscription(TwistStamped, parameters.cmd_vel_topic, lambda m: self._take(m.twist))
+            host.create_subscription(TwistStamped, parameters.cmd_vel_topic, lambda m: self._handle(m.twist))
         else:
-            host.create_subscription(Twist, parameters.cmd_vel_topic, self._take)
+            host.create_subscription(Twist, parameters.cmd_vel_topic, self._handle)
 
     def update(self) -> None:
-        """Sets the commanded velocity, turned by the orientation at the beginning of this very step."""
+        """Sets the commanded velocity, rotated by the orientation at the beginning of this step."""
         if self._host.step > self._last_step:
             self._stop()
             return
@@ -85,20 +86,24 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
         )
 
     def on_reset(self) -> None:
-        """Forgets the command: the base stands until the next one."""
+        """Discards the command; the base stands still until the next command."""
         self._stop()
 
     def cleanup(self) -> None:
-        """Says how many commands were ignored, if more than the one that was reported."""
+        """Logs how many commands were ignored, if more than the one that was reported."""
         if self.ignored > 1:
             self._host.logger.warning("%d commands on %s were ignored in all", self.ignored, self._topic)
 
-    def _take(self, twist: Twist) -> None:
+    def _handle(self, twist: Twist) -> None:
         vx, vy, yaw_rate = twist.linear.x, twist.linear.y, twist.angular.z
         speed = math.hypot(vx, vy)
         finite = math.isfinite(speed) and math.isfinite(yaw_rate)
-        # MuJoCo takes a velocity beyond for a divergence, and the whole world would stop.
-        if not finite or min(speed, self._max_speed) >= _LARGEST or min(abs(yaw_rate), self._max_yaw_rate) >= _LARGEST:
+        # MuJoCo treats a larger velocity as a divergence, which would stop the simulation.
+        if (
+            not finite
+            or min(speed, self._max_speed) >= _MAX_VELOCITY
+            or min(abs(yaw_rate), self._max_yaw_rate) >= _MAX_VELOCITY
+        ):
             self._ignore(vx, vy, yaw_rate)
             return
         if speed > self._max_speed:
@@ -113,8 +118,8 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
         self._host.activate()
 
     def _stop(self) -> None:
-        """Holds the base where it is; zero is zero in every frame, so that no update is needed."""
-        self._last_step = _NEVER
+        """Sets the velocity to zero; zero is the same in every frame, so no update is needed."""
+        self._last_step = _NO_COMMAND
         self._hold.set(0.0, 0.0, 0.0)
         self._host.deactivate()
 
@@ -129,7 +134,7 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
                 vx,
                 vy,
                 yaw_rate,
-                _LARGEST,
+                _MAX_VELOCITY,
             )
 
 
@@ -137,4 +142,4 @@ def _last_step_within(host: Host, duration: float) -> int:
     """Returns the largest number of steps that together last at most `duration` [s]."""
     nanoseconds = duration * 1e9
     # One nanosecond more than the duration takes one step more than fit into it.
-    return host.steps_covering(round(nanoseconds) + 1) - 1 if nanoseconds < _ALWAYS else _ALWAYS
+    return host.steps_covering(round(nanoseconds) + 1) - 1 if nanoseconds < _MAX_STEPS else _MAX_STEPS

@@ -1,4 +1,4 @@
-"""Bodies with a free joint: what the plugins that read or drive them need to know."""
+"""Bodies with a free joint: their ids and their indices in the state."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,8 @@ class FreeBody:
     Attributes:
         name: Its name; empty if it has none.
         body: Its id.
-        qpos: Where its seven positions begin in `qpos`: position, then quaternion (w, x, y, z).
-        dof: Where its six velocities begin in `qvel`: linear in world axes, then angular in the body's own axes.
+        qpos: Start index of its seven values in `qpos`: position [m], then quaternion (w, x, y, z).
+        dof: Start index of its six values in `qvel`: linear in world axes [m/s], angular in body axes [rad/s].
     """
 
     name: str
@@ -28,21 +28,21 @@ class FreeBody:
 
 def free_bodies(model: mujoco.MjModel) -> list[FreeBody]:
     """Returns every body with a free joint, in joint order."""
-    found = []
+    bodies = []
     for joint in range(model.njnt):
         if model.jnt_type[joint] == _FREE:
             body = int(model.jnt_bodyid[joint])
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            found.append(FreeBody(name, body, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])))
-    return found
+            bodies.append(FreeBody(name, body, int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])))
+    return bodies
 
 
 def free_body(host: Host, name: str) -> FreeBody:
-    """Returns the body of a name.
+    """Returns the body with a free joint of the given name.
 
     Raises:
         UnknownName: The model has no body of that name.
-        PluginError: The body has no free joint. Both sentences list those that have one.
+        PluginError: The body has no free joint. Both messages list the bodies with a free joint.
     """
     named = {body.name: body for body in free_bodies(host.model) if body.name}
     if name in named:
@@ -51,5 +51,5 @@ def free_body(host: Host, name: str) -> FreeBody:
         host.body_id(name)
     except UnknownName:
         raise UnknownName("body with a free joint", name, named) from None
-    others = f"bodies with one: {', '.join(sorted(named))}" if named else "no body of the model has one"
+    others = f"bodies with a free joint: {', '.join(sorted(named))}" if named else "no body of the model has one"
     raise PluginError(f"body {name!r} has no free joint; {others}")

@@ -1,4 +1,4 @@
-"""Publishes pose and velocity of bodies with a free joint, in the world or relative to a body."""
+"""Publishes pose and velocity of bodies with a free joint, in the world frame or in the frame of a body."""
 
 from itertools import product
 
@@ -18,7 +18,7 @@ _POSE = (
     *(f"pose.pose.position.{axis}" for axis in "xyz"),
     *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
 )
-"""The seven numbers of a body's pose, in the order of `qpos`."""
+"""The seven fields of a body's pose, in the order of `qpos`."""
 
 _VELOCITIES = tuple(f"twist.twist.{part}.{axis}" for part in ("angular", "linear") for axis in "xyz")
 
@@ -26,27 +26,27 @@ _VELOCITIES = tuple(f"twist.twist.{part}.{axis}" for part in ("angular", "linear
 class FreeJointStatePublisherParameters(Parameters):
     """Parameters of FreeJointStatePublisher."""
 
-    frame_id: str = Field(default="", description="Body in whose frame the states are; empty is the world.")
+    frame_id: str = Field(default="", description="Body whose frame the states are in; empty: the world.")
     body_names: tuple[str, ...] = Field(
-        default=(), strict=False, description="Bodies to publish, in this order; empty means all with a free joint."
+        default=(), strict=False, description="Bodies to publish, in this order; empty: all with a free joint."
     )
     topic: str = Field(default="free_joint_states", description="Topic name.")
     publish_rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")
 
     @field_validator("body_names")
     @classmethod
-    def _each_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+    def _require_unique(cls, names: tuple[str, ...]) -> tuple[str, ...]:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"each body can be listed once only, and {', '.join(map(repr, twice))} comes twice")
+            raise ValueError(f"list each body once; listed twice: {', '.join(map(repr, twice))}")
         return names
 
 
 class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
     """Publishes the state of bodies with a free joint as `mujoco_ros2_control_msgs/FreeJointStateArray`.
 
-    Both velocities are in the axes of the frame, and seen from the world: that of the frame's body is not subtracted.
-    The entries of a message sent to `~/set_free_joint_state` bring exactly that state back.
+    Both velocities are in the axes of the frame and relative to the world: the velocity of the frame's body is not
+    subtracted. If the entries of a message are sent to `~/set_free_joint_state`, they restore exactly that state.
     """
 
     def init(self, host: Host, parameters: FreeJointStatePublisherParameters) -> None:
@@ -80,21 +80,20 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
 
 
 class _States:
-    """The numbers of all bodies at one instant.
+    """The poses and velocities of all bodies at one time.
 
-    They are kept one row a number, one column a body, and everything is done on whole blocks of rows in one piece:
-    numpy is quickest without shapes to broadcast. `take` with `clip` needs no copy in between; the indices are all
-    valid.
+    The values are stored with one row per field and one column per body, and computed for whole blocks of rows, because
+    numpy is fastest without broadcasting. `take` with `clip` avoids a temporary copy; all indices are valid.
 
     Attributes:
-        in_place: Whether the poses need not be computed, as they lie in `qpos` one after the other.
-        poses: The numbers of `_POSE` for n bodies, shape (7 n,): body after body if `in_place`, else row after row.
-        velocities: Those of `_VELOCITIES`, row after row, shape (6 n,).
+        in_place: Whether `poses` is a view of `qpos`, because the poses are contiguous there.
+        poses: The fields of `_POSE` [m, -] for n bodies, shape (7 n,): by body if `in_place`, else by field.
+        velocities: The fields of `_VELOCITIES` [rad/s, m/s] for n bodies, by field, shape (6 n,).
 
     Args:
-        host: Where the state is.
+        host: Provides the state.
         bodies: The bodies.
-        reference: Id of the body in whose frame the numbers are; 0 is the world.
+        reference: Id of the body whose frame the values are in; 0: the world.
     """
 
     def __init__(self, host: Host, bodies: list[FreeBody], reference: int) -> None:
@@ -104,7 +103,7 @@ class _States:
         qpos, dof, xmat = (np.array(column, np.intp) for column in _addresses(bodies))
         linear, local = (dof + i for i in range(3)), [dof + 3 + i for i in range(3)]
         self._pose_index = np.concatenate([qpos + i for i in range(7)])
-        # Each rotation matrix column by column, and beside each of its numbers the velocity to multiply it by.
+        # The elements of each rotation matrix, column by column, and the velocity to multiply each element by.
         self._xmat_index = np.concatenate([xmat + 3 * row + column for column in range(3) for row in range(3)])
         self._qvel_index = np.concatenate([*linear, *(velocity for velocity in local for _ in range(3))])
         n = len(bodies)
@@ -120,21 +119,21 @@ class _States:
             self.poses = self._qpos[qpos[0] : qpos[0] + 7 * n]
 
     def read(self) -> None:
-        """Brings the numbers up to the current state."""
+        """Reads the values of the current state."""
         self._host.kinematics()
         if not self.in_place:
             self._qpos.take(self._pose_index, out=self.poses, mode="clip")
         self._qvel.take(self._qvel_index, out=self._unturned, mode="clip")
-        # MuJoCo keeps angular velocities in the axes of their own bodies; this turns them into those of the world.
+        # MuJoCo's angular velocities are in body axes; this rotates them to world axes.
         self._xmat.take(self._xmat_index, out=self._products, mode="clip")
         np.multiply(self._products, self._rotating, self._products)
         np.add(self._first, self._second, self._angular)
         np.add(self._angular, self._third, self._angular)
         if self._reference:
-            self._express()
+            self._transform_to_reference()
 
-    def _express(self) -> None:
-        """Turns what is seen from the world into what is seen from the reference body's current pose."""
+    def _transform_to_reference(self) -> None:
+        """Transforms the values from the world frame to the frame of the reference body."""
         data, reference = self._host.data, self._reference
         to_frame = data.xmat[reference].reshape(3, 3).T
         position, quat, angular, linear = np.split(self._rows, (3, 7, 10))
@@ -151,14 +150,14 @@ def _bodies(host: Host, names: tuple[str, ...]) -> list[FreeBody]:
     named = [body for body in found if body.name]
     if len(named) < len(found):
         count = len(found) - len(named)
-        host.logger.warning("not published, as they have no name: %d of the bodies with a free joint", count)
+        host.logger.warning("not published, because they have no name: %d of the bodies with a free joint", count)
     if not named:
         host.logger.warning("the model has no body with a free joint: the messages are empty")
     return named
 
 
 def _frame(host: Host, name: str) -> tuple[int, str]:
-    """Returns the reference body's id, 0 for the world, and the name to publish."""
+    """Returns the id of the reference body, 0 for the world, and the frame name to publish."""
     if not name:
         return 0, ""
     try:
@@ -181,11 +180,11 @@ def _stamps(bodies: int, part: str) -> list[str]:
 
 
 def _addresses(bodies: list[FreeBody]) -> tuple[list[int], list[int], list[int]]:
-    """Returns where each body's numbers begin in `qpos`, in `qvel` and in the flat `xmat`."""
+    """Returns the start indices of each body in `qpos`, in `qvel` and in the flattened `xmat`."""
     return [body.qpos for body in bodies], [body.dof for body in bodies], [9 * body.body for body in bodies]
 
 
 def _left_product(quat_wxyz: Array) -> Array:
-    """Returns the matrix that multiplies quaternions (w, x, y, z) by this one from the left."""
+    """Returns the matrix, shape (4, 4), that multiplies quaternions (w, x, y, z) by `quat_wxyz` from the left."""
     w, x, y, z = quat_wxyz
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])

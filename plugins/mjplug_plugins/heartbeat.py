@@ -1,4 +1,4 @@
-"""Publishes a line of text at a fixed rate of simulated time: the simplest plugin, and a sign of life."""
+"""Publishes a line of text at a fixed rate of simulated time: the simplest plugin, and a check that the server runs."""
 
 from pydantic import Field
 

@@ -1,4 +1,4 @@
-"""Publishes what describes the robot: a URDF, or the model itself."""
+"""Publishes a description of the robot: a URDF, or the model."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,32 +17,34 @@ class RobotDescriptionParameters(Parameters):
 
     file: str = Field(
         default="",
-        description="URDF, or another text: relative to the configuration, or package://; empty is the model.",
+        description="URDF or other XML file, relative to the configuration, or package://; empty: the model.",
     )
     topic: str = Field(default="{ns}/robot_description", description="Topic name.")
 
 
 class RobotDescription(Plugin[RobotDescriptionParameters]):
-    """Publishes a URDF, or the model as MJCF, as `std_msgs/String` for those who come at any time."""
+    """Publishes a URDF, or the model as MJCF, as `std_msgs/String`; late subscribers get it too."""
 
     def init(self, host: Host, parameters: RobotDescriptionParameters) -> None:
         """Reads the file and publishes it."""
         if parameters.file:
             text = _read(host.find_file(parameters.file))
         elif host.model_file is None:
-            raise PluginError("the model comes from no file; give file, the robot's URDF")
+            raise PluginError("the model was not loaded from a file; set `file` to the robot's URDF")
         elif host.model_file.suffix.lower() in _COMPILED:
-            raise PluginError(f"{host.model_file.name} is a compiled model, no text; give file, the robot's URDF")
+            raise PluginError(
+                f"{host.model_file.name} is a compiled model, not a text file; set `file` to the robot's URDF"
+            )
         else:
             text = _read(host.model_file)
         host.create_publisher(String, parameters.topic, LATCHED).publish(String(data=text))
 
 
 def _read(path: Path) -> str:
-    """Returns the text of an XML file; MJCF that includes others comes in one piece.
+    """Returns the text of an XML file; files that an MJCF file includes are merged into it.
 
     Raises:
-        PluginError: It cannot be read, or is no XML.
+        PluginError: The file cannot be read, or is not XML.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -50,19 +52,19 @@ def _read(path: Path) -> str:
     except (OSError, ValueError) as error:
         raise PluginError(f"{path} cannot be read: {error}") from error
     except ElementTree.ParseError as error:
-        raise PluginError(f"{path} is no XML: {error}") from error
+        raise PluginError(f"{path} is not XML: {error}") from error
     if "\0" in text:
-        raise PluginError(f"{path} has a NUL character, which no ROS string has")
+        raise PluginError(f"{path} contains a NUL character, which a ROS string cannot contain")
     if root.tag == "mujoco" and next(root.iter("include"), None) is not None:
-        return _in_one_piece(path)
+        return _merge_includes(path)
     return text
 
 
-def _in_one_piece(path: Path) -> str:
+def _merge_includes(path: Path) -> str:
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()
         text: str = spec.to_xml()
     except (ValueError, mujoco.FatalError) as error:
-        raise PluginError(f"{path} includes other files, and cannot be put together: {error}; give file") from error
+        raise PluginError(f"{path} includes other files and they cannot be merged: {error}; set `file`") from error
     return text

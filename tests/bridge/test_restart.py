@@ -25,7 +25,7 @@ def test_the_bridge_waits_for_the_server_and_survives_its_death(ros, serve, brid
     first = ros.call("/own/probe/state", "std_srvs/srv/Trigger")
 
     server.kill()
-    own.wait_for("/mjplug is gone, waiting for it to come back")
+    own.wait_for("/mjplug stopped or cannot be reached; waiting for it")
     ros.until(lambda: ros.types("/own/mjplug/epoch") == [])
 
     serve(listen=("--listen", free_endpoint))

@@ -80,6 +80,6 @@ def test_calls_that_wait_fail_when_the_server_dies(ros, serve, bridge):
         response = answer.get()
         assert response.success is False
         assert response.message in ("/mjplug is gone", "the server did not answer on external_wrench/apply_wrench")
-    own.wait_for("/mjplug is gone, waiting for it to come back")
+    own.wait_for("/mjplug stopped or cannot be reached; waiting for it")
     ready = ros.is_ready("/own/external_wrench/apply_wrench", APPLY_WRENCH)
     ros.until(lambda: not ready())

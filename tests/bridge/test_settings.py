@@ -63,12 +63,12 @@ def test_all_wrong_parameters_are_told_at_once(bridge):
     assert own.end() == 2
     log = own.log.text
     assert "deny:" in log
-    assert "zenoh_config: there is no file '/no/such/file.json5'" in log
-    assert "server: 'mjplug' is not a full ROS name; it looks like /robot1" in log
+    assert "zenoh_config: the file '/no/such/file.json5' does not exist" in log
+    assert "server: 'mjplug' is not a full ROS name such as /robot1" in log
     assert "namespace: '/robot1/' is not a full ROS name" in log
     assert "allow: '[' is not a regular expression" in log
     assert "remap: '/scan=/robot1/scan' must be two full names with := between them" in log
-    assert "service_timeout: it must be above 0 s, not 0.0" in log
+    assert "service_timeout: the value must be above 0 s, not 0.0" in log
 
 
 @ros_only
@@ -84,7 +84,7 @@ def test_a_list_without_entries_is_a_list_without_entries(bridge, sim):
 def test_without_an_endpoint_the_bridge_says_so_together_with_the_other_mistakes(bridge):
     own = bridge(server="mjplug")
     assert own.end() == 2
-    assert "connect: it must have an endpoint, such as tcp/127.0.0.1:7447" in own.log.text
+    assert "connect: add an endpoint, such as tcp/127.0.0.1:7447" in own.log.text
     assert "server: 'mjplug' is not a full ROS name" in own.log.text
 
 

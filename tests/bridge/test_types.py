@@ -77,7 +77,7 @@ def test_a_missing_package_disables_its_own_interfaces_only(ros, serve, bridge, 
     write_hash(opt, "geometry_msgs/msg/Twist", f"RIHS01_{'1' * 64}")
     server = serve()
     own = bridge(server.endpoint, env={"AMENT_PREFIX_PATH": str(opt)})
-    own.wait_for("WARN.*/own/mjplug/reset_world .* is not mapped, for a reason given before")
+    own.wait_for("WARN.*/own/mjplug/reset_world .* is not mapped: same reason as above")
     own.wait_for("WARN.*/own/probe/twist .* is not mapped.*defines msg/Twist differently")
     assert own.log.text.count("`sudo apt install ros-jazzy-mujoco-ros2-control-msgs`") == 1
     inbox = ros.subscribe("/own/mujoco_heartbeat", "std_msgs/msg/String")

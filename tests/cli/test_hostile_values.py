@@ -77,11 +77,11 @@ def test_names_that_the_model_does_not_have_are_refused(target):
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        (wrench("post", seconds=1.0), "body 'post' is fixed to the world: a wrench cannot move it"),
-        (wrench("world", seconds=1.0), "body 'world' is the world: a wrench cannot move it"),
+        (wrench("post", seconds=1.0), "body 'post' is fixed to the world, so a wrench cannot move it"),
+        (wrench("world", seconds=1.0), "body 'world' is the world, so a wrench cannot move it"),
         (wrench("link_a", seconds=-1.0), "duration is -1 s; it must not be negative"),
         (wrench("link_a", ramp=-0.5), "ramp_down_duration is -0.5 s; it must not be negative"),
-        (wrench("link_a", seconds=1.0, ramp=2.0), "ramp_down_duration is 2 s, longer than the duration of 1 s"),
+        (wrench("link_a", seconds=1.0, ramp=2.0), "ramp_down_duration (2 s) must not exceed duration (1 s)"),
     ],
 )
 def test_wrenches_that_cannot_be_applied_are_refused_with_those_beside_them(target, fields, reason):

@@ -79,8 +79,8 @@ def test_ignored_commands_are_counted_and_said_once_and_at_the_end(caplog):
     [
         ("", "unknown body with a free joint ''; known: base, other"),
         ("bass", "unknown body with a free joint 'bass', did you mean 'base'?; known: base, other"),
-        ("post", "body 'post' has no free joint; bodies with one: base, other"),
-        ("world", "body 'world' has no free joint; bodies with one: base, other"),
+        ("post", "body 'post' has no free joint; bodies with a free joint: base, other"),
+        ("world", "body 'world' has no free joint; bodies with a free joint: base, other"),
     ],
 )
 def test_what_cannot_be_driven_is_refused_with_what_can(body, reason):

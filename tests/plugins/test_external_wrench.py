@@ -139,7 +139,7 @@ def test_with_wait_false_the_answer_comes_at_once_and_the_wrench_still_acts(worl
 
 
 def test_no_wrench_is_a_success_that_does_nothing(world):
-    assert ask(world).response.message == "no wrench was given; nothing was applied"
+    assert ask(world).response.message == "the request contains no wrench; nothing was applied"
     world.loop.step(1)
     assert not world.data.qvel.any()
 
@@ -148,18 +148,18 @@ KNOWN = "known: ball, box, post, world"
 REFUSED = [
     (push("boxx"), f"unknown body 'boxx', did you mean 'box'?; {KNOWN}"),
     (push(""), f"unknown body ''; {KNOWN}"),
-    (push("world"), "body 'world' is the world: a wrench cannot move it"),
-    (push("post"), "body 'post' is fixed to the world: a wrench cannot move it"),
+    (push("world"), "body 'world' is the world, so a wrench cannot move it"),
+    (push("post"), "body 'post' is fixed to the world, so a wrench cannot move it"),
     (push(force=(math.nan, 0, 0)), "wrench.wrench.force is (nan, 0, 0); every component must be finite"),
     (push(torque=(0, math.inf, 0)), "wrench.wrench.torque is (0, inf, 0); every component must be finite"),
     (push(point=(0, 0, -math.inf)), "application_point is (0, 0, -inf); every component must be finite"),
     (
         push(force=(1e300, 0, 0), point=(0, 1e300, 0)),
-        "force and application_point are so large that their moment is not finite",
+        "force and application_point are too large: their torque is not finite",
     ),
     (push(duration=-1), "duration is -1 s; it must not be negative"),
     (push(duration=1, ramp=-0.5), "ramp_down_duration is -0.5 s; it must not be negative"),
-    (push(duration=1, ramp=1.5), "ramp_down_duration is 1.5 s, longer than the duration of 1 s"),
+    (push(duration=1, ramp=1.5), "ramp_down_duration (1.5 s) must not exceed duration (1 s)"),
 ]
 
 
@@ -254,7 +254,7 @@ def test_a_time_step_that_is_no_simple_fraction_does_not_break_the_end_of_a_long
 def test_only_so_many_wrenches_may_act_at_a_time(world):
     first = ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 900)
     assert ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 101).refusal == (
-        "900 wrenches act already and 101 more were asked for; at most 1000 may act at a time; nothing was applied"
+        "900 wrenches are active and 101 more were requested; at most 1000 can be active at the same time; nothing was applied"
     )
     world.loop.reset(Reset())
     assert first.refusal == "cancelled: the world was reset"

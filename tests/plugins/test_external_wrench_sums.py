@@ -5,8 +5,8 @@ from conftest import BOX, World
 from wrenches import Reference, push, request
 
 from mjplug_plugins.external_wrench import ExternalWrench
-from mjplug_plugins.external_wrench.active import FEW
-from mjplug_plugins.external_wrench.plugin import MOST_SHOWN
+from mjplug_plugins.external_wrench.active import MAX_LOOPED
+from mjplug_plugins.external_wrench.plugin import MAX_SHOWN
 from mjplug_plugins.external_wrench.wrench import parse
 from mjplug_schemas.visualization_msgs import Marker
 
@@ -39,7 +39,7 @@ def last_step_with_force(world, most=2000):
     return last
 
 
-@pytest.mark.parametrize(("count", "seconds"), [(1, 1.0), (2, 1.0), (100, 0.1), (FEW + 1, 0.5), (1000, 0.1)])
+@pytest.mark.parametrize(("count", "seconds"), [(1, 1.0), (2, 1.0), (100, 0.1), (MAX_LOOPED + 1, 0.5), (1000, 0.1)])
 def test_wrenches_of_one_request_that_end_together_give_exactly_their_impulse(world, count, seconds):
     call = ask(world, *[push("ball", force=(0, 1.0, 0), duration=seconds)] * count)
     steps = round(seconds / DT)
@@ -115,7 +115,7 @@ def test_many_wrenches_give_the_bits_that_the_sum_of_each_gives(box_model):
                     duration=(seconds := float(random.choice([0.0, 0.02, 0.0301, 0.1]))),
                     ramp=seconds * float(random.choice([0.0, 0.5, 1.0])),
                 )
-                for i in range(2 * FEW)
+                for i in range(2 * MAX_LOOPED)
             ]
             ask(world, *pushes)
             acting += [parse(host, message) for message in pushes]
@@ -133,11 +133,11 @@ def test_many_wrenches_give_the_bits_that_the_sum_of_each_gives(box_model):
 
 
 def test_many_wrenches_add_to_what_another_plugin_applies(world):
-    ask(world, *[push("ball", force=(0, 1.0, 0), duration=1.0)] * (FEW + 1))
+    ask(world, *[push("ball", force=(0, 1.0, 0), duration=1.0)] * (MAX_LOOPED + 1))
     world.add(ExternalWrench, "another")
     world.call("/another/apply_wrench", request(push("ball", force=(0, 0.5, 0), duration=1.0)))
     world.loop.step(1)
-    assert world.data.qvel[BALL_Y] == pytest.approx((FEW + 1.5) * DT, rel=1e-12)
+    assert world.data.qvel[BALL_Y] == pytest.approx((MAX_LOOPED + 1.5) * DT, rel=1e-12)
 
 
 def test_of_very_many_wrenches_only_some_have_arrows_and_these_are_taken_away(world):
@@ -145,7 +145,7 @@ def test_of_very_many_wrenches_only_some_have_arrows_and_these_are_taken_away(wo
     world.loop.step(60)
     *shown, last = world.published("/external_wrench/wrench_markers")
     added = {marker.id for array in shown for marker in array.markers}
-    assert len(added) == MOST_SHOWN
+    assert len(added) == MAX_SHOWN
     assert {marker.id for marker in last.markers} == added
     assert {marker.action for marker in last.markers} == {Marker.DELETE}
 

@@ -216,8 +216,8 @@ def test_chosen_bodies_come_in_the_order_of_the_list():
     [
         (["box", "bal"], "unknown body with a free joint 'bal', did you mean 'ball'?; known: ball, box, brick"),
         ([""], "unknown body with a free joint ''; known: ball, box, brick"),
-        (["swing"], "body 'swing' has no free joint; bodies with one: ball, box, brick"),
-        (["world"], "body 'world' has no free joint; bodies with one: ball, box, brick"),
+        (["swing"], "body 'swing' has no free joint; bodies with a free joint: ball, box, brick"),
+        (["world"], "body 'world' has no free joint; bodies with a free joint: ball, box, brick"),
     ],
 )
 def test_bodies_without_a_free_joint_are_refused_with_those_that_have_one(names, reason):
@@ -232,7 +232,7 @@ def test_unnamed_bodies_are_left_out_and_said(caplog):
     world.loop.step(1)
     assert [state.name for state in messages(world)[-1].free_joints] == ["box", "brick"]
     assert [r.getMessage() for r in caplog.records] == [
-        "not published, as they have no name: 1 of the bodies with a free joint"
+        "not published, because they have no name: 1 of the bodies with a free joint"
     ]
 
 
@@ -319,6 +319,6 @@ def test_a_body_that_is_listed_twice_is_refused_in_its_place(tmp_path):
         selected_of(tmp_path, DOCUMENTED.replace("[]", "[cube1, cube2, cube1]"))
     (problem,) = caught.value.problems
     assert problem.message == (
-        "plugins.free_joint_state_publisher.body_names: each body can be listed once only, and 'cube1' comes twice"
+        "plugins.free_joint_state_publisher.body_names: list each body once; listed twice: 'cube1'"
     )
     assert problem.mark.line == 7

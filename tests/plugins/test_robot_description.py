@@ -76,10 +76,10 @@ def test_what_is_no_description_stops_the_start(describe, tmp_path):
     (tmp_path / "scene.mjb").write_bytes(b"")
     (tmp_path / "scene.xml").write_text('<mujoco><include file="none.xml"/></mujoco>')
     for model_file, parameters, sentence in (
-        (None, {}, "the model comes from no file; give file"),
+        (None, {}, "the model was not loaded from a file; set `file`"),
         (tmp_path / "scene.mjb", {}, "scene.mjb is a compiled model"),
-        (tmp_path / "scene.xml", {}, "includes other files, and cannot be put together"),
-        (None, {"file": "broken.urdf"}, "is no XML"),
+        (tmp_path / "scene.xml", {}, "includes other files and they cannot be merged"),
+        (None, {"file": "broken.urdf"}, "is not XML"),
         (None, {"file": "bytes.urdf"}, "cannot be read"),
         (None, {"file": "brken.urdf"}, "did you mean 'broken.urdf'"),
     ):

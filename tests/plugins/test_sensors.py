@@ -299,5 +299,5 @@ def test_wrong_numbers_are_refused():
     for wrong in ({"rate": 0.0}, {"rest": {"orientation_covariance": [1.0, 2.0]}}, {"rest": 5}, {"discover": ["gps"]}):
         with pytest.raises(ValidationError):
             Sensors.parameters_type(**wrong)
-    with pytest.raises(MjplugError, match="both have the topic"):
+    with pytest.raises(MjplugError, match="have the same topic"):
         world_of(rest={"topic": "/imu"}, falling={"topic": "/imu"})

@@ -112,7 +112,7 @@ def test_a_sensor_that_lacks_a_part_is_named_once(caplog):
     caplog.clear()
     with caplog.at_level(logging.WARNING):
         world_of("<mujoco/>")
-    assert "no sensor is found" in caplog.text
+    assert "no sensor was found" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -121,17 +121,17 @@ def test_a_sensor_that_lacks_a_part_is_named_once(caplog):
         ({"wrist": {"type": "fts"}}, ["fts 'wrist': unknown torque 'wrist_torque'"]),
         (
             {"wrist": {"type": "fts", "torque": "odd_torque"}},
-            ["fts 'wrist': 'odd_torque' has type user and 3 numbers, and a torque is needed"],
+            ["fts 'wrist': 'odd_torque' has type user and 3 values, but a torque is required"],
         ),
         (
             {"torso": {"type": "imu", "gyro": "hinge_pos"}},
-            ["imu 'torso': 'hinge_pos' has type jointpos and 1 number, and a gyro is needed"],
+            ["imu 'torso': 'hinge_pos' has type jointpos and 1 value, but a gyro is required"],
         ),
-        ({"hinge_pos": {"type": "vector"}}, ["one of 3 numbers is needed"]),
-        ({"torso": {"rate": 5.0}}, ["sensor 'torso' can be pose or imu; give its type"]),
+        ({"hinge_pos": {"type": "vector"}}, ["a sensor with 3 values is required"]),
+        ({"torso": {"rate": 5.0}}, ["sensor 'torso' can be pose or imu; set its `type`"]),
         ({"torsoo": {}}, ["unknown sensor 'torsoo', did you mean 'torso'?"]),
-        ({"field": {"gyro": "torso_gyro"}}, ["sensor 'field' is of type magnetometer, which has no gyro"]),
-        ({"torso": {"type": "pose", "min_range": 1.0}}, ["of type pose, which has no min_range"]),
+        ({"field": {"gyro": "torso_gyro"}}, ["sensor 'field' has type magnetometer, which has no parameter gyro"]),
+        ({"torso": {"type": "pose", "min_range": 1.0}}, ["has type pose, which has no parameter min_range"]),
         (
             {"wrist": {"type": "fts"}, "lidar": {"type": "rangefinder"}, "x": {"type": "imu", "accel": "torso_acel"}},
             ["unknown torque", "unknown rangefinder 'lidar'", "unknown accelerometer 'torso_acel', did you mean"],

@@ -1,4 +1,4 @@
-"""Pushes and turns bodies for a span of simulated time, on request."""
+"""Applies forces and torques to bodies for a duration of simulated time, on request."""
 
 from mjplug_plugins.external_wrench.plugin import ExternalWrench
 

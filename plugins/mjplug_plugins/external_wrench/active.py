@@ -1,4 +1,4 @@
-"""The wrenches that act now, and their sum at each step."""
+"""The active wrenches, and their sum at each step."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from mjplug_plugins.external_wrench.wrench import Wrench
 
-FEW = 16
-"""Up to this many wrenches, a loop over them is faster than numpy."""
+MAX_LOOPED = 16
+"""Up to this number of wrenches, a loop over them is faster than numpy."""
 
 
 class ActiveWrenches:
     """The active wrenches in the order of their start, each with the id of its markers.
 
     Attributes:
-        few: All of them if they are at most `FEW`, to be applied one by one; otherwise none, and `apply` does it.
+        looped: All wrenches if there are at most `MAX_LOOPED`, to apply one by one; else empty, and `apply` adds them.
 
     Args:
         model: The compiled model.
@@ -24,7 +24,7 @@ class ActiveWrenches:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self.few: tuple[Wrench, ...] = ()
+        self.looped: tuple[Wrench, ...] = ()
         self._timestep = float(model.opt.timestep)
         self._data = data
         self._ids: dict[Wrench, int] = {}
@@ -38,25 +38,25 @@ class ActiveWrenches:
         return iter(self._ids.items())
 
     def add(self, wrenches: Sequence[Wrench]) -> None:
-        """Adds wrenches that are not active yet."""
+        """Adds wrenches; they must not be active yet."""
         ids = range(self._next_id, self._next_id + len(wrenches))
         self._next_id = ids.stop
         self._ids.update(zip(wrenches, ids, strict=True))
-        self.few = tuple(self._ids) if len(self._ids) <= FEW else ()
+        self.looped = tuple(self._ids) if len(self._ids) <= MAX_LOOPED else ()
         if self._table is not None:
             self._table.add(wrenches, ids)
 
     def remove(self, wrenches: Iterable[Wrench]) -> None:
-        """Removes those of the wrenches that are active."""
+        """Removes wrenches; inactive ones are ignored."""
         removed = [self._ids.pop(wrench) for wrench in wrenches if wrench in self._ids]
-        self.few = tuple(self._ids) if len(self._ids) <= FEW else ()
-        if len(self._ids) <= FEW:
+        self.looped = tuple(self._ids) if len(self._ids) <= MAX_LOOPED else ()
+        if len(self._ids) <= MAX_LOOPED:
             self._table = None
         elif self._table is not None and removed:
             self._table.remove(removed)
 
     def apply(self, step: int) -> None:
-        """Adds the sum of many to `xfrc_applied` at the boundary after `step` steps; `xmat` must be current."""
+        """Adds the sum of the wrenches to `xfrc_applied` at step `step`; `xmat` must be current."""
         if self._table is None:
             self._table = _Table(self._data, self._timestep)
             self._table.add(list(self._ids), list(self._ids.values()))
@@ -64,7 +64,7 @@ class ActiveWrenches:
 
 
 class _Table:
-    """The same wrenches as columns of numbers. Its sums are those of `Wrench.apply` to the last bit."""
+    """The wrenches as columns of arrays. The sums are identical to those of `Wrench.apply`, bit by bit."""
 
     def __init__(self, data: mujoco.MjData, timestep: float) -> None:
         self._xmat = data.xmat
@@ -88,14 +88,14 @@ class _Table:
         self._set(self._whole[:, keep], self._real[:, keep])
 
     def apply(self, step: int) -> None:
-        # Row by row of the rotation matrices, in the order of the sums of `Wrench.apply`.
+        # The order of the operations is the same as in `Wrench.apply`.
         rotation = np.ascontiguousarray(self._xmat.take(self._bodies, axis=0).T).reshape(3, 3, -1)
         x, y, z = rotation[:, 0], rotation[:, 1], rotation[:, 2]
         fx, fy, fz, tx, ty, tz = self._wrenches
         wrenches = np.concatenate((x * fx + y * fy + z * fz, x * tx + y * ty + z * tz))
         if self._ramped is not None:
             wrenches *= self._scale(step)
-        # Of several wrenches on one body, `add.at` adds each, in order; `+=` would add one.
+        # `add.at` adds every wrench on a body, in order; `+=` would add only one of them.
         np.add.at(self._xfrc_applied, self._targets, wrenches.reshape(-1))
 
     def _set(self, whole: NDArray[np.int64], real: NDArray[np.float64]) -> None:

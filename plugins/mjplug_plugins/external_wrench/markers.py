@@ -1,4 +1,4 @@
-"""Arrows that show active wrenches in RViz."""
+"""Arrow markers that show active wrenches in RViz."""
 
 from mjplug_plugins.external_wrench.wrench import Vec, Wrench
 from mjplug_schemas.geometry_msgs import Point, Vector3
@@ -10,16 +10,16 @@ TORQUE = "external_wrench/torque"
 
 _COLOURS = {FORCE: ColorRGBA(r=1.0, g=0.0, b=0.0, a=0.8), TORQUE: ColorRGBA(r=0.0, g=0.7, b=0.9, a=0.8)}
 _SIZE = Vector3(x=0.02, y=0.04, z=0.0)
-_SHORTEST_SQUARED = 1e-18
+_MIN_SQUARED_LENGTH = 1e-18
 
 
 def arrows(wrench: Wrench, frame: str, marker_id: int, force_scale: float, torque_scale: float) -> list[Marker]:
-    """Returns a red arrow for the force and a cyan one for the torque, in the body's TF frame; a zero vector has none.
+    """Returns a red arrow for the force and a cyan arrow for the torque; a zero vector has no arrow.
 
     Args:
-        wrench: What to show.
+        wrench: The wrench to show.
         frame: TF frame of the wrench's body.
-        marker_id: The markers' id, the same in both namespaces.
+        marker_id: Id of the markers, the same in both marker namespaces.
         force_scale: Arrow length per force, ramp included [m/N].
         torque_scale: Arrow length per torque, ramp included [m/(N·m)].
     """
@@ -38,7 +38,7 @@ def deletions(wrench: Wrench, frame: str, marker_id: int) -> list[Marker]:
 
 
 def _visible(vec: Vec, scale: float) -> bool:
-    return sum(v * v for v in vec) > _SHORTEST_SQUARED and scale > 0.0
+    return sum(v * v for v in vec) > _MIN_SQUARED_LENGTH and scale > 0.0
 
 
 def _arrow(ns: str, wrench: Wrench, frame: str, marker_id: int, vec: Vec, scale: float) -> Marker:

@@ -1,4 +1,4 @@
-"""The service, the arrows, and the sum of the active wrenches at every step."""
+"""The external wrench plugin: service, markers, and the active wrenches at every step."""
 
 from collections.abc import Sequence
 from itertools import groupby, islice
@@ -15,14 +15,14 @@ from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
 from mjplug_schemas.visualization_msgs import MarkerArray
 
-MOST_WRENCHES = 1000
-"""Wrenches that may act at the same time."""
+MAX_WRENCHES = 1000
+"""Largest number of wrenches that are active at the same time."""
 
 MARKER_RATE = 30.0
 """Markers per second of simulated time while a wrench is active [Hz]."""
 
-MOST_SHOWN = 50
-"""Wrenches that have arrows at the same time: the physics thread makes the markers, at about 50 µs a wrench."""
+MAX_SHOWN = 50
+"""Largest number of wrenches with markers; the physics thread needs about 50 µs per wrench for them."""
 
 
 class ExternalWrenchParameters(Parameters):
@@ -33,15 +33,15 @@ class ExternalWrenchParameters(Parameters):
 
 
 class ExternalWrench(Plugin[ExternalWrenchParameters]):
-    """Applies external wrenches to bodies for a span of simulated time.
+    """Applies external wrenches to bodies for a duration of simulated time.
 
-    Service `~/apply_wrench` answers when the longest wrench of the request has ended, or at once with `?wait=false`.
-    Topic `~/wrench_markers` shows the active ones. Force, torque and application point are in the body frame and turn
-    with the body at every step; overlapping wrenches add up; each ends by itself.
+    The service `~/apply_wrench` responds when the longest wrench of the request has ended, or immediately with
+    `?wait=false`. The topic `~/wrench_markers` shows the active wrenches. Force, torque and application point are in
+    the body frame and rotate with the body at every step. Simultaneous wrenches on a body are added.
     """
 
     def init(self, host: Host, parameters: ExternalWrenchParameters) -> None:
-        """Declares the service and the markers."""
+        """Creates the service and the publisher of the markers."""
         self._host = host
         self._kinematics = host.kinematics
         self._parameters = parameters
@@ -54,12 +54,12 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         host.create_diagnostic("", self._diagnose)
 
     def update(self) -> None:
-        """Adds the active wrenches to `xfrc_applied`, at the poses of this very step."""
+        """Adds the active wrenches to `xfrc_applied`, with the poses of this step."""
         self._kinematics()
         step, active = self._host.step, self._active
-        if active.few:
+        if active.looped:
             timestep = self._timestep
-            for wrench in active.few:
+            for wrench in active.looped:
                 wrench.apply((step - wrench.start) * timestep)
         else:
             active.apply(step)
@@ -68,22 +68,24 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
 
     def _apply(self, request: ApplyExternalWrench.Request, call: Call) -> Slow:
         messages = request.wrenches.external_wrenches
-        if len(self._active) + len(messages) > MOST_WRENCHES:
+        if len(self._active) + len(messages) > MAX_WRENCHES:
             raise RequestError(
-                f"{len(self._active)} wrenches act already and {len(messages)} more were asked for; "
-                f"at most {MOST_WRENCHES} may act at a time; nothing was applied"
+                f"{len(self._active)} wrenches are active and {len(messages)} more were requested; "
+                f"at most {MAX_WRENCHES} can be active at the same time; nothing was applied"
             )
         wrenches = [self._parse(i, message) for i, message in enumerate(messages)]
         wait = call.parameters.get("wait", "true")
         if wait not in ("true", "false"):
             raise RequestError(f"parameter wait is {quoted(wait)}; allowed: true, false")
         if not wrenches:
-            return ApplyExternalWrench.Response(success=True, message="no wrench was given; nothing was applied")
+            return ApplyExternalWrench.Response(
+                success=True, message="the request contains no wrench; nothing was applied"
+            )
         longest = max(wrench.duration for wrench in wrenches)
-        what = f"{len(wrenches)} wrench{'es' if len(wrenches) > 1 else ''}"
+        count = f"{len(wrenches)} wrench{'es' if len(wrenches) > 1 else ''}"
         if wait == "false":
             call.respond(
-                ApplyExternalWrench.Response(success=True, message=f"applying {what}, the longest for {longest:g} s")
+                ApplyExternalWrench.Response(success=True, message=f"applying {count}, the longest for {longest:g} s")
             )
         try:
             self._start(wrenches)
@@ -92,7 +94,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
                 self._end(list(ending))
         finally:
             self._end(wrenches)
-        return ApplyExternalWrench.Response(success=True, message=f"applied {what}, the longest for {longest:g} s")
+        return ApplyExternalWrench.Response(success=True, message=f"applied {count}, the longest for {longest:g} s")
 
     def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
         try:
@@ -130,7 +132,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._next_markers = step + 1.0 / (MARKER_RATE * self._timestep)
         if not self._markers.matched:
             return
-        self._shown = dict(islice(self._active, MOST_SHOWN))
+        self._shown = dict(islice(self._active, MAX_SHOWN))
         arrows = []
         for wrench, marker_id in self._shown.items():
             scale = wrench.scale((step - wrench.start) * self._timestep)

@@ -1,4 +1,4 @@
-"""One wrench on one body: what a request must be, and what acts at each step."""
+"""One wrench on one body: validation of a request, and the force at each step."""
 
 import math
 from dataclasses import dataclass
@@ -16,21 +16,21 @@ Vec = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """A wrench in the body frame, from step `start` up to, not including, step `end`.
+    """A wrench in the body frame, active from step `start` to step `end`, `end` excluded.
 
     Attributes:
         body: Body id.
-        body_name: Body name, which is also its TF frame.
-        point: Where the force acts, from the body frame's origin [m].
-        force: Force [N].
-        torque: Torque [N·m].
-        start: First step that feels it.
-        end: First step that no longer does.
-        duration: How long it lasts [s].
-        ramp: Length of the linear ramp to zero at its end [s].
-        torque_com: What force and torque add up to about the body's centre of mass [N·m].
-        xmat: The body's nine elements of `xmat`.
-        xfrc_applied: The body's six elements of `xfrc_applied`.
+        body_name: Body name.
+        point: Application point of the force in the body frame [m].
+        force: Force in the body frame [N].
+        torque: Torque in the body frame [N·m].
+        start: First step with the wrench.
+        end: First step without it.
+        duration: Duration of simulated time [s].
+        ramp: Duration of the linear ramp to zero at the end [s].
+        torque_com: Total torque of force and torque about the centre of mass, in the body frame [N·m].
+        xmat: View of the body's nine elements of `xmat`.
+        xfrc_applied: View of the body's six elements of `xfrc_applied`, force [N] and torque [N·m] in the world frame.
     """
 
     body: int
@@ -47,15 +47,15 @@ class Wrench:
     xfrc_applied: "memoryview[float]"
 
     def scale(self, elapsed: float) -> float:
-        """Returns the factor of the ramp, 1 to 0, at `elapsed` [s] since the start."""
+        """Returns the factor of the ramp, from 1 to 0, at `elapsed` [s] since the start."""
         remaining = self.duration - elapsed
-        # Rounding may leave the last step of a wrench without a ramp a hair beyond its duration.
+        # Without a ramp, rounding can make `remaining` slightly negative at the last step.
         return 1.0 if remaining >= self.ramp or not self.ramp else max(0.0, remaining / self.ramp)
 
     def apply(self, elapsed: float) -> None:
-        """Adds the wrench to `xfrc_applied`, turned by the body's orientation; `xmat` must be current.
+        """Adds the wrench to `xfrc_applied`, rotated to the world frame; `xmat` must be current.
 
-        Plain floats: numpy takes twice as long for three elements.
+        Plain floats are used because numpy takes twice as long for three elements.
         """
         s = 1.0 if self.duration - elapsed >= self.ramp else self.scale(elapsed)
         r0, r1, r2, r3, r4, r5, r6, r7, r8 = self.xmat.tolist()
@@ -71,30 +71,31 @@ class Wrench:
 
 
 def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
-    """Checks a request and returns the wrench, starting at the current step.
+    """Checks a requested wrench and returns it, starting at the current step.
 
-    The application point, seen from the centre of mass, does not move in the body frame, so the moment of the force is
-    constant there and is computed once: `torque + cross(point - ipos, force)`.
+    The total torque about the centre of mass is constant in the body frame, so it is computed once:
+    `torque + cross(point - ipos, force)`.
 
     Raises:
-        RequestError: Unknown or immovable body, NaN or infinity, a negative time, or a ramp longer than the duration.
+        RequestError: The body is unknown or cannot move, a number is not finite, a time is negative, or the ramp is
+            longer than the duration.
     """
     model, data = host.model, host.data
     name = message.wrench.header.frame_id
     body = host.body_id(name)
     if not _movable(model, body):
         fixed = "is fixed to the world" if model.body_weldid[body] == 0 else "follows a mocap pose"
-        raise RequestError(f"body {name!r} {'is the world' if body == 0 else fixed}: a wrench cannot move it")
+        raise RequestError(f"body {name!r} {'is the world' if body == 0 else fixed}, so a wrench cannot move it")
     force = _vector(message.wrench.wrench.force, "wrench.wrench.force")
     torque = _vector(message.wrench.wrench.torque, "wrench.wrench.torque")
     point = _vector(message.application_point, "application_point")
     duration = _nanoseconds(message.duration, "duration")
     ramp = _nanoseconds(message.ramp_down_duration, "ramp_down_duration")
     if ramp > duration:
-        raise RequestError(f"ramp_down_duration is {ramp / 1e9:g} s, longer than the duration of {duration / 1e9:g} s")
+        raise RequestError(f"ramp_down_duration ({ramp / 1e9:g} s) must not exceed duration ({duration / 1e9:g} s)")
     torque_com = _moment(torque, point, float_view(model.body_ipos[body]), force)
     if not all(map(math.isfinite, torque_com)):
-        raise RequestError("force and application_point are so large that their moment is not finite")
+        raise RequestError("force and application_point are too large: their torque is not finite")
     return Wrench(
         body=body,
         body_name=name,
@@ -112,14 +113,14 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
 
 
 def _moment(torque: Vec, point: Vec, com: "memoryview[float]", force: Vec) -> Vec:
-    """Returns `torque + cross(point - com, force)`. Plain floats: a request may have a thousand wrenches."""
+    """Returns `torque + cross(point - com, force)` [N·m], with plain floats, because requests may be large."""
     x, y, z = point[0] - com[0], point[1] - com[1], point[2] - com[2]
     fx, fy, fz = force
     return torque[0] + (y * fz - z * fy), torque[1] + (z * fx - x * fz), torque[2] + (x * fy - y * fx)
 
 
 def _movable(model: mujoco.MjModel, body: int) -> bool:
-    """Tells whether a joint anywhere between the world and the body lets it move."""
+    """Returns whether any joint between the world and the body allows it to move."""
     while body:
         if model.body_dofnum[body]:
             return True

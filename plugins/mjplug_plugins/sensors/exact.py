@@ -1,18 +1,18 @@
-"""Where the numbers of a sensor are, before anything is done to them."""
+"""The exact values of a sensor, without noise."""
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug_plugins.sensors.found import Sensor, Source
+from mjplug_plugins.sensors.model_sensors import Sensor, Source
 
 _GRAVITY = int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
 
 
 def exact_values(model: mujoco.MjModel, data: mujoco.MjData, sensor: Sensor) -> dict[str, NDArray[np.float64]]:
-    """Returns the numbers of each part by its role: arrays that the steps change.
+    """Returns the values of each part by its role, as views that change with the state, shape (size,).
 
-    An accelerometer that cannot move reads 0 in MuJoCo, as if there were no gravity; here it has what it would read.
+    MuJoCo returns 0 for an accelerometer on a fixed body; here it measures the reaction to gravity, as a real one does.
     """
     values = {}
     for role, source in sensor.parts.items():

@@ -1,60 +1,60 @@
-"""In which frame the model says that a sensor measures."""
+"""The frame of a sensor's values according to the model."""
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug_plugins.sensors.found import Sensor, Source
+from mjplug_plugins.sensors.model_sensors import Sensor, Source
 
 Array = NDArray[np.float64]
 
-_IN_THE_WORLD = {
+_WORLD_FRAME_TYPES = {
     "framepos", "framelinvel", "frameangvel", "framelinacc", "frameangacc", "framexaxis", "frameyaxis", "framezaxis",
     "subtreecom", "subtreelinvel", "subtreeangmom", "geomnormal",
 }  # fmt: skip
-"""Sensors whose numbers are in the world's axes, unless they have a reference."""
+"""Sensor types whose values are in world axes if they have no reference."""
 
 _OPTICAL = np.array((0.0, 1.0, 0.0, 0.0))
-"""Between MuJoCo's camera and ROS's optical frame, in either direction."""
+"""Rotation between MuJoCo's camera frame and ROS's optical frame, in both directions (w, x, y, z)."""
 
-_NOWHERE = -1
+_NO_REFERENCE = -1
 
 
 def frame_of(model: mujoco.MjModel, sensor: Sensor, world: str) -> str:
-    """Returns the frame of a sensor's numbers.
+    """Returns the name of the frame of a sensor's values.
 
     Args:
         model: The compiled model.
         sensor: The sensor.
-        world: What the world's frame is called.
+        world: Name of the world frame.
     """
     source = sensor.main
     if sensor.kind == "rangefinder":
-        # A Range looks along x, a site along z, so the site's frame will not do.
+        # A Range message measures along x, the site along z, so the site's frame cannot be used.
         return f"{source.name}_frame"
-    if source.type not in _IN_THE_WORLD and sensor.kind != "orientation":
+    if source.type not in _WORLD_FRAME_TYPES and sensor.kind != "orientation":
         kind, which = int(model.sensor_objtype[source.sensor]), int(model.sensor_objid[source.sensor])
         return _name(model, kind, which) or sensor.name
     reference = int(model.sensor_refid[source.sensor])
-    if reference == _NOWHERE:
+    if reference == _NO_REFERENCE:
         return world
     return _name(model, int(model.sensor_reftype[source.sensor]), reference) or world
 
 
 def reference_in_frame(model: mujoco.MjModel, source: Source) -> tuple[Array, Array] | None:
-    """Returns where a sensor's reference is in the frame that is called like it, if that is another place.
+    """Returns the pose of a sensor's reference in the TF frame of the same object, if they differ.
 
-    MuJoCo's camera looks along -z, its frame of that name along z; `reftype="body"` is the frame of the body's inertia.
+    They differ for cameras (MuJoCo: -z forward, TF: z forward) and for `reftype="body"` (the inertial frame).
 
     Args:
         model: The compiled model.
-        source: The sensor.
+        source: The MJCF sensor.
 
     Returns:
-        Position [m], shape (3,), and turn (w, x, y, z), shape (4,); a position only for a sensor that has a place.
+        Position, shape (3,) [m], and rotation (w, x, y, z), shape (4,); the position is zero for directions.
     """
     which = int(model.sensor_refid[source.sensor])
-    if source.type not in _IN_THE_WORLD | {"framequat"} or which == _NOWHERE:
+    if source.type not in _WORLD_FRAME_TYPES | {"framequat"} or which == _NO_REFERENCE:
         return None
     kind = int(model.sensor_reftype[source.sensor])
     if kind == int(mujoco.mjtObj.mjOBJ_CAMERA):
@@ -67,9 +67,9 @@ def reference_in_frame(model: mujoco.MjModel, source: Source) -> tuple[Array, Ar
 
 
 def disagreement(model: mujoco.MjModel, sensor: Sensor) -> str:
-    """Returns a sentence if the parts of a sensor cannot be one message, as they are not at one place; else nothing.
+    """Returns a message if the parts of a sensor have different sites or references; else an empty string.
 
-    The orientation of an imu may be that of the body that its site is on.
+    The orientation of an imu may be that of the body of its site.
     """
     if sensor.kind == "pose":
         about = [model.sensor_objtype, model.sensor_objid, model.sensor_reftype, model.sensor_refid]
@@ -84,11 +84,11 @@ def disagreement(model: mujoco.MjModel, sensor: Sensor) -> str:
 
 
 def _name(model: mujoco.MjModel, kind: int, which: int) -> str:
-    """Returns the name of an object, where frames are called like it."""
-    if which == _NOWHERE:
+    """Returns the frame name of an object; empty if it has no name."""
+    if which == _NO_REFERENCE:
         return ""
     if kind == int(mujoco.mjtObj.mjOBJ_JOINT):
-        # A ball joint turns in the axes of the body that it moves.
+        # The frame of a ball joint is the frame of the body that it moves.
         kind, which = int(mujoco.mjtObj.mjOBJ_BODY), int(model.jnt_bodyid[which])
     name = mujoco.mj_id2name(model, kind, which) or ""
     return f"{name}_frame" if name and kind == int(mujoco.mjtObj.mjOBJ_CAMERA) else name

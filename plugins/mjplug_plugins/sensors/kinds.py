@@ -1,4 +1,4 @@
-"""The kinds of sensors, and the MJCF sensors that each is made of."""
+"""The kinds of sensors, and the MJCF sensors that each kind consists of."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,19 +15,19 @@ SENSOR_NAMES = {
     for name, value in mujoco.mjtSensor.__members__.items()
     if name.startswith("mjSENS_")
 }
-"""What MJCF calls each type of sensor."""
+"""The MJCF name of each sensor type."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One MJCF sensor of a sensor.
+    """One MJCF sensor that is part of a sensor.
 
     Attributes:
-        role: What the configuration calls it.
-        type: Its type in MJCF; None is any with `size` numbers.
-        size: How many numbers it has; None is any number of them.
-        optional: Whether the others make a sensor without it.
-        other_endings: What its name may end with in place of the role, where the role does not occur.
+        role: Its name in the configuration.
+        type: Its MJCF type; None: any type with `size` values.
+        size: Number of its values; None: any number.
+        optional: Whether the sensor is complete without it.
+        other_endings: Endings of its name that are accepted instead of the role.
     """
 
     role: str
@@ -38,15 +38,15 @@ class Part:
 
     @property
     def endings(self) -> tuple[str, ...]:
-        """What its name may end with after `_`, the usual one first."""
+        """The accepted endings of its name after `_`, the default first."""
         return (self.role, *self.other_endings)
 
     @property
     def described(self) -> str:
-        """What it is, with an article, for sentences."""
+        """Description with an article, for messages."""
         if self.type is not None:
             return f"{'an' if self.type[0] in 'aeiou' else 'a'} {self.type}"
-        return f"one of {self.size} number{'s' * (self.size != 1)}"
+        return f"a sensor with {self.size} value{'s' * (self.size != 1)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ class Kind:
     """A kind of sensor.
 
     Attributes:
-        parts: What it is made of; the first one's place is the sensor's.
-        topic: The last part of its topic.
-        options: The parameters that only it has, besides the roles of its parts.
+        parts: Its parts; the first one determines the frame of the sensor.
+        topic: Last part of its topic name.
+        options: Parameters that only this kind has, in addition to the roles of its parts.
     """
 
     parts: tuple[Part, ...]
@@ -65,7 +65,7 @@ class Kind:
 
     @property
     def composed(self) -> bool:
-        """Whether it has several parts, which are found by the endings of their names."""
+        """Whether it has several parts; they are found by the endings of their names."""
         return len(self.parts) > 1
 
 
@@ -101,10 +101,10 @@ KINDS: Mapping[KindName, Kind] = {
 OWN_OPTIONS = frozenset(option for kind in KINDS.values() for option in kind.options) | frozenset(
     part.role for kind in KINDS.values() if kind.composed for part in kind.parts
 )
-"""The parameters that not every kind has."""
+"""Parameters that belong to some kinds only."""
 
 
 def options_of(kind: KindName) -> frozenset[str]:
-    """Returns which of `OWN_OPTIONS` a kind has."""
+    """Returns the parameters in `OWN_OPTIONS` that belong to a kind."""
     roles = {part.role for part in KINDS[kind].parts} if KINDS[kind].composed else set()
     return KINDS[kind].options | roles

@@ -1,4 +1,4 @@
-"""Gaussian noise as the model states it, which MuJoCo itself does not add."""
+"""Gaussian noise with the standard deviations in the model; MuJoCo itself adds no noise."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -7,28 +7,28 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug_plugins.sensors.found import Sensor, Source
+from mjplug_plugins.sensors.model_sensors import Sensor, Source
 
 Array = NDArray[np.float64]
 
 _POSITIVE = {"touch", "insidesite"}
-"""One number each, never below 0."""
+"""Types with a single value that is never negative."""
 
 _UNIT_VECTOR = {"framexaxis", "frameyaxis", "framezaxis", "geomnormal"}
 
 
 class Noise:
-    """Draws what a noisy sensor says.
+    """Computes the noisy values of a sensor.
 
-    The noise of a message follows from the seed, the sensor and the time, so it does not depend on who listens to what.
+    The noise depends on the seed, the sensor and the time only, not on which messages are published.
 
     Attributes:
-        values: What each part says, by its role.
+        values: Noisy values of each part by role, shape (size,).
 
     Args:
         sensor: The sensor.
-        exact: Its exact values by role, arrays that change in place.
-        seed: Where the noise starts from.
+        exact: Its exact values by role, views that change with the state.
+        seed: Seed of the noise.
     """
 
     def __init__(self, sensor: Sensor, exact: Mapping[str, Array], seed: int) -> None:
@@ -37,7 +37,7 @@ class Noise:
         self._start: Any = self._bits.state
         self._random = np.random.Generator(self._bits)
         self.values = {role: np.zeros(source.size) for role, source in sensor.parts.items()}
-        # A turn has three degrees of freedom, though a quaternion has four numbers.
+        # A quaternion has four values but three degrees of freedom.
         free = [3 if source.is_quaternion else source.size for source in sensor.parts.values()]
         self._noise = np.zeros(sum(free))
         self._deviations = np.repeat([source.noise for source in sensor.parts.values()], free)
@@ -48,13 +48,13 @@ class Noise:
         ]
 
     def draw(self, time_ns: int, epoch: int) -> None:
-        """Brings `values` up to the present ones.
+        """Computes `values` from the current exact values.
 
         Args:
-            time_ns: Their time [ns].
-            epoch: Resets of the world before it.
+            time_ns: Time of the values [ns].
+            epoch: Number of resets before this time.
         """
-        # A counter is set in a few microseconds; a new generator takes a hundred.
+        # Setting the counter takes a few microseconds; a new generator would take a hundred.
         self._start["state"]["counter"][:] = (0, 0, time_ns, epoch)
         self._bits.state = self._start
         self._random.standard_normal(out=self._noise)
@@ -64,7 +64,7 @@ class Noise:
 
 
 def _adder(source: Source) -> Callable[[Source, Array, Array, Array], object]:
-    """Returns what writes the exact numbers with noise into an array: it gets source, exact, noise and the array."""
+    """Returns a function (source, exact, noise, noisy) that writes the exact values with noise into `noisy`."""
     if source.is_quaternion:
         return _turn
     if source.type == "rangefinder":
@@ -84,9 +84,9 @@ def _add_to_positive(source: Source, exact: Array, noise: Array, noisy: Array) -
 
 def _add_to_distance(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
     distance = float(exact[0])
-    # -1 and the cutoff are no distances but say that there is nothing within reach.
-    nothing = distance < 0.0 or 0.0 < source.cutoff <= distance
-    noisy[0] = distance if nothing else max(distance + float(noise[0]), 0.0)
+    # -1 and the cutoff are not distances; they mean that nothing is in range.
+    no_return = distance < 0.0 or 0.0 < source.cutoff <= distance
+    noisy[0] = distance if no_return else max(distance + float(noise[0]), 0.0)
 
 
 def _add_to_direction(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
@@ -95,6 +95,6 @@ def _add_to_direction(source: Source, exact: Array, noise: Array, noisy: Array) 
 
 
 def _turn(source: Source, exact: Array, noise: Array, noisy: Array) -> None:
-    # A small turn in the sensor's own axes.
+    # A small rotation about the axes of the sensor.
     noisy[:] = exact
     mujoco.mju_quatIntegrate(noisy, noise, 1.0)

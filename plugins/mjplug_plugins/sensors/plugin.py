@@ -1,4 +1,4 @@
-"""The plugin: prepares the message of each sensor, and publishes it when it is due."""
+"""The sensors plugin: prepares the message of each sensor and publishes it at its rate."""
 
 from collections import defaultdict
 
@@ -6,41 +6,41 @@ from mjplug.plugin import CdrFrame, Host, Plugin, PluginError, Publisher
 from mjplug.plugin.bundled import ros_tokens
 from mjplug_plugins.sensors.choice import chosen
 from mjplug_plugins.sensors.exact import exact_values
-from mjplug_plugins.sensors.found import Sensor
 from mjplug_plugins.sensors.frames import disagreement, frame_of, reference_in_frame
 from mjplug_plugins.sensors.kinds import KINDS
+from mjplug_plugins.sensors.model_sensors import Sensor
 from mjplug_plugins.sensors.noise import Noise
 from mjplug_plugins.sensors.parameters import SensorParameters, SensorsParameters
-from mjplug_plugins.sensors.readings import STAMPED, TYPES, fills, message_of
+from mjplug_plugins.sensors.readings import STAMPED, TYPES, message_of, writers
 from mjplug_schemas.message import Message
 
 
 class Sensors(Plugin[SensorsParameters]):
     """Publishes IMUs, force-torque sensors, poses, magnetometers, rangefinders and other sensors of the model.
 
-    They are found by the names and types of the model's sensors, as mujoco_ros2_control names them (`<name>_gyro` and
-    `<name>_accel` are an IMU), or configured. The numbers of a message belong to the very state of its stamp, that at
-    the beginning of the last step.
+    The plugin finds them by the names and types of the sensors in the model, with the naming of mujoco_ros2_control
+    (`<name>_gyro` and `<name>_accel` are an IMU), or in the configuration. The values of a message belong to the state
+    at its stamp, which is the beginning of the last step.
     """
 
     def init(self, host: Host, parameters: SensorsParameters) -> None:
         """Finds the sensors, prepares their messages and starts the timers."""
         sensors = chosen(host, parameters)
         if not sensors:
-            host.logger.warning("no sensor is found by its name and type, and none is configured: nothing is published")
+            host.logger.warning("no sensor was found in the model and no sensor is configured: nothing is published")
         seed = int(host.random.integers(2**63))
         rates: dict[float, list[_Reading]] = defaultdict(list)
         topics: dict[str, str] = {}
         tokens = ros_tokens((sensor.name for sensor, settings in sensors if not settings.topic), "sensor", host.logger)
         for sensor, settings in sensors:
-            if wrong := disagreement(host.model, sensor):
-                host.logger.warning("%s: the message is in the frame of the first", wrong)
+            if message := disagreement(host.model, sensor):
+                host.logger.warning("%s: the message is in the frame of the first", message)
             topic = settings.topic or f"{tokens[sensor.name]}/{KINDS[sensor.kind].topic}"
             reading = _Reading(host, sensor, topic, _complete(settings, parameters), parameters.world_frame, seed)
             if reading.topic in topics:
                 raise PluginError(
-                    f"sensors {topics[reading.topic]!r} and {sensor.name!r} both have the topic {reading.topic}; give "
-                    "one of them another topic"
+                    f"sensors {topics[reading.topic]!r} and {sensor.name!r} have the same topic {reading.topic}; set "
+                    "another `topic` for one of them"
                 )
             topics[reading.topic] = sensor.name
             rates[settings.rate or parameters.rate].append(reading)
@@ -49,11 +49,11 @@ class Sensors(Plugin[SensorsParameters]):
 
 
 class _Reading:
-    """One sensor at work.
+    """The message and the publisher of one sensor.
 
     Attributes:
-        topic: Its topic's full name.
-        publisher: Where its messages go.
+        topic: Full name of its topic.
+        publisher: Publisher of its messages.
     """
 
     def __init__(
@@ -71,23 +71,23 @@ class _Reading:
         values = self._noise.values if self._noise else exact
         places = {role: reference_in_frame(host.model, source) for role, source in sensor.parts.items()}
         references = {role: place for role, place in places.items() if place is not None}
-        self._fills = fills(sensor, settings, values, self._message, cutoff, references)
+        self._writers = writers(sensor, settings, values, self._message, cutoff, references)
         self._stamped = sensor.kind in STAMPED
 
     def publish(self) -> None:
-        """Sends the values that MuJoCo has."""
+        """Publishes the current sensor values."""
         time_ns = self._host.sensor_time_ns
         if self._noise is not None:
             self._noise.draw(time_ns, self._host.epoch)
-        for fill in self._fills:
-            fill()
+        for write in self._writers:
+            write()
         if self._stamped:
             self._message.set_stamp("header.stamp", time_ns)
         self.publisher.publish_frame(self._message)
 
 
 def _start(host: Host, rate: float, readings: list[_Reading]) -> None:
-    """Publishes some readings at a rate [Hz]."""
+    """Starts a timer that publishes readings at a rate [Hz]."""
 
     def publish() -> None:
         for reading in readings:
@@ -98,7 +98,7 @@ def _start(host: Host, rate: float, readings: list[_Reading]) -> None:
 
 
 def _complete(settings: SensorParameters, parameters: SensorsParameters) -> SensorParameters:
-    """Returns a sensor's settings with those of the plugin where it has none."""
+    """Returns a sensor's settings, completed with the defaults of the plugin."""
     return settings.model_copy(
         update={
             "noise": parameters.noise if settings.noise is None else settings.noise,

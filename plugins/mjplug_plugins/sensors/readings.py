@@ -1,4 +1,4 @@
-"""From the numbers of MJCF sensors to messages that are kept ready."""
+"""Writes the values of MJCF sensors into prepared messages."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.plugin import CdrFrame
-from mjplug_plugins.sensors.found import Sensor
 from mjplug_plugins.sensors.kinds import KindName
+from mjplug_plugins.sensors.model_sensors import Sensor
 from mjplug_plugins.sensors.parameters import SensorParameters
 from mjplug_schemas.geometry_msgs import PoseStamped, QuaternionStamped, Vector3Stamped, WrenchStamped
 from mjplug_schemas.message import Message
@@ -19,13 +19,13 @@ from mjplug_schemas.sensor_msgs import Imu, MagneticField, Range
 from mjplug_schemas.std_msgs import Float64, Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 Array = NDArray[np.float64]
-Fill = Callable[[], object]
+Writer = Callable[[], object]
 
 DEFAULT_MAX_RANGE = 1000.0
-"""Of a rangefinder without a cutoff [m]."""
+"""Longest distance of a rangefinder without a cutoff [m]."""
 
 _NOT_MEASURED = (-1.0, *(0.0,) * 8)
-"""The covariance that says so."""
+"""Covariance of a value that is not measured: sensor_msgs defines -1 as its first element."""
 
 _UNKNOWN = (0.0,) * 9
 
@@ -43,18 +43,18 @@ TYPES: Mapping[KindName, type[Message]] = {
 }
 
 STAMPED = frozenset(kind for kind, type in TYPES.items() if "header" in type.model_fields)
-"""The kinds whose messages have a stamp."""
+"""Kinds of sensors whose messages have a stamp."""
 
 
 def message_of(sensor: Sensor, settings: SensorParameters, frame: str, cutoff: float, noisy: bool) -> Message:
-    """Returns a sensor's message as far as it never changes.
+    """Returns a sensor's message with all constant fields filled in.
 
     Args:
         sensor: The sensor.
-        settings: What is configured, complete.
-        frame: Its frame.
-        cutoff: The cutoff of its first part; 0 is none.
-        noisy: Whether noise is added; its variance then is the covariance, unless that is configured.
+        settings: The complete settings of the sensor.
+        frame: Frame of the message.
+        cutoff: Cutoff of its first part; 0: none.
+        noisy: Whether noise is added; its variance is the covariance, unless a covariance is configured.
     """
     header = Header(frame_id=frame)
 
@@ -97,34 +97,34 @@ def message_of(sensor: Sensor, settings: SensorParameters, frame: str, cutoff: f
 
 
 def max_range(settings: SensorParameters, cutoff: float) -> float:
-    """Returns how far a rangefinder sees [m]."""
+    """Returns the longest distance of a rangefinder [m]."""
     return settings.max_range or cutoff or DEFAULT_MAX_RANGE
 
 
-def fills(
+def writers(
     sensor: Sensor,
     settings: SensorParameters,
     values: Mapping[str, Array],
     frame: CdrFrame,
     cutoff: float,
     references: Mapping[str, tuple[Array, Array]],
-) -> list[Fill]:
-    """Returns what writes the present values into a message.
+) -> list[Writer]:
+    """Returns the functions that write the current values into a message.
 
     Args:
         sensor: The sensor.
-        settings: What is configured, complete.
-        values: The numbers of each part, by its role; arrays that change in place.
-        frame: The message.
-        cutoff: The cutoff of its first part; 0 is none.
-        references: Where the reference of a part is in the message's frame, by its role: position and turn (w, x, y,
-            z), shapes (3,) and (4,). A part that is not in it is in that frame already.
+        settings: The complete settings of the sensor.
+        values: Values of each part by role, views that change with the state.
+        frame: The prepared message.
+        cutoff: Cutoff of its first part; 0: none.
+        references: Pose of a part's reference in the frame of the message, by role: position, shape (3,) [m], and
+            rotation (w, x, y, z), shape (4,). The other parts are in the frame of the message already.
     """
     view = frame.view
-    # What is written into arrays of our own is copied from there.
-    moves = [_moved(values[role], *place) for role, place in references.items()]
-    values = {**values, **{role: moved for role, (moved, _) in zip(references, moves, strict=True)}}
-    return [move for _, move in moves] + _copies(sensor, settings, values, view, cutoff)
+    # Transformed values are stored in separate arrays and copied from there.
+    transforms = [_transformed(values[role], *pose) for role, pose in references.items()]
+    values = {**values, **{role: transformed for role, (transformed, _) in zip(references, transforms, strict=True)}}
+    return [transform for _, transform in transforms] + _copies(sensor, settings, values, view, cutoff)
 
 
 def _copies(
@@ -133,13 +133,13 @@ def _copies(
     values: Mapping[str, Array],
     view: Callable[[str], NDArray[Any]],
     cutoff: float,
-) -> list[Fill]:
+) -> list[Writer]:
     if sensor.kind == "imu":
-        turn = [_quaternion(values["quat"], view("orientation"))] if "quat" in values else []
+        rotation = [_quaternion(values["quat"], view("orientation"))] if "quat" in values else []
         vectors = (("gyro", "angular_velocity"), ("accel", "linear_acceleration"))
-        return turn + [_copy(values[role], view(field)) for role, field in vectors]
+        return rotation + [_copy(values[role], view(field)) for role, field in vectors]
     if sensor.kind == "fts":
-        # MuJoCo has what the side towards the world exerts on the side that hangs on the sensor.
+        # MuJoCo reports the force of the parent body on the child body; the load has the opposite sign.
         sign = -1.0 if settings.convention == "load" else 1.0
         return [partial(np.multiply, values[role], sign, view(f"wrench.{role}")) for role in ("force", "torque")]
     if sensor.kind == "pose":
@@ -155,26 +155,26 @@ def _copies(
     return [_copy(values["sensor"], view("vector" if sensor.kind == "vector" else "data"))]
 
 
-def _moved(source: Array, shift: Array, turn: Array) -> tuple[Array, Fill]:
-    """Returns an array for what is known from a place, as seen from where that is; and what brings it up to date."""
+def _transformed(source: Array, shift: Array, rotation: Array) -> tuple[Array, Writer]:
+    """Returns an array with `source` transformed by a pose, and the function that updates the array."""
     target = np.zeros(source.size)
     if source.size == 4:
-        return target, partial(mujoco.mju_mulQuat, target, turn, source)
+        return target, partial(mujoco.mju_mulQuat, target, rotation, source)
 
-    def move() -> None:
-        mujoco.mju_rotVecQuat(target, source, turn)
+    def transform() -> None:
+        mujoco.mju_rotVecQuat(target, source, rotation)
         np.add(target, shift, target)
 
-    return target, move
+    return target, transform
 
 
-def _copy(source: Array, target: Array) -> Fill:
-    # For a few numbers, memoryviews cost a third of what numpy does.
+def _copy(source: Array, target: Array) -> Writer:
+    # For a few values, memoryviews take a third of numpy's time.
     here, there = target.data.cast("B"), source.data.cast("B")
     return partial(here.__setitem__, slice(None), there)
 
 
-def _quaternion(wxyz: Array, xyzw: Array) -> Fill:
+def _quaternion(wxyz: Array, xyzw: Array) -> Writer:
     here, there = xyzw.data.cast("B").cast("d"), wxyz.data.cast("B").cast("d")
     imaginary, real = there[1:], there[:1]
 
@@ -187,7 +187,7 @@ def _quaternion(wxyz: Array, xyzw: Array) -> Fill:
 
 def _write_range(source: Array, low: float, high: float, target: NDArray[np.float32]) -> None:
     distance = float(source[0])
-    # MuJoCo says -1 where there is nothing, and the cutoff itself beyond it.
+    # MuJoCo returns -1 if there is nothing, and the cutoff for larger distances.
     if distance < 0.0 or distance >= high:
         distance = math.inf
     elif distance < low:

@@ -1,4 +1,4 @@
-"""The sensors of a model: each of its MJCF sensors, and what they make together by their names and types."""
+"""Finds the sensors of a model: its MJCF sensors, and groups of them by name and type."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -11,10 +11,10 @@ from mjplug.plugin.bundled import lidar_sensors, object_names
 from mjplug_plugins.sensors.kinds import KINDS, SENSOR_NAMES, Kind, KindName, Part
 
 _RAY_NAME = re.compile(r".+-\d+", re.ASCII)
-"""The rangefinders of RangefinderLidar; together they are a scan."""
+"""Names of rangefinders that RangefinderLidar publishes as a scan."""
 
 _UNTYPED = {"user", "plugin"}
-"""Their numbers are whatever their makers say, so nobody should guess."""
+"""Types whose values have no defined meaning."""
 
 _QUATERNIONS = {"framequat", "ballquat"}
 
@@ -26,11 +26,11 @@ class Source:
     Attributes:
         name: Its name, or `sensor_<id>` if it has none.
         sensor: Its id.
-        type: Its type, as MJCF calls it.
-        begin: Where its numbers begin in `sensordata`.
-        size: How many they are.
-        noise: Standard deviation of its noise, in its own unit.
-        cutoff: Where its numbers end, in its own unit; 0 is nowhere.
+        type: Its MJCF type.
+        begin: Start index of its values in `sensordata`.
+        size: Number of its values.
+        noise: Standard deviation of its noise, in the unit of the sensor.
+        cutoff: Largest absolute value, in the unit of the sensor; 0: no limit.
     """
 
     name: str
@@ -43,13 +43,13 @@ class Source:
 
     @property
     def is_quaternion(self) -> bool:
-        """Whether its four numbers are a turn (w, x, y, z)."""
+        """Whether its four values are a quaternion (w, x, y, z)."""
         return self.type in _QUATERNIONS
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor, and the MJCF sensors that it is made of, by their roles."""
+    """A sensor and its parts, the MJCF sensors, by role."""
 
     name: str
     kind: KindName
@@ -57,63 +57,63 @@ class Sensor:
 
     @property
     def main(self) -> Source:
-        """The part whose place is the sensor's."""
+        """The part that determines the frame of the sensor."""
         return self.parts[KINDS[self.kind].parts[0].role]
 
 
 def sources(model: mujoco.MjModel) -> dict[str, Source]:
-    """Returns the MJCF sensors, but those that stand for a lidar; one without a name is called `sensor_<id>`."""
+    """Returns the MJCF sensors by name, without lidars; a sensor without a name is called `sensor_<id>`."""
     lidars = lidar_sensors(model)
-    found = {}
+    by_name = {}
     for sensor, name in enumerate(object_names(model, mujoco.mjtObj.mjOBJ_SENSOR, "sensor", model.nsensor)):
         if name not in lidars:
             kind, size = SENSOR_NAMES[int(model.sensor_type[sensor])], int(model.sensor_dim[sensor])
             begin, noise = int(model.sensor_adr[sensor]), float(model.sensor_noise[sensor])
-            found[name] = Source(name, sensor, kind, begin, size, noise, float(model.sensor_cutoff[sensor]))
-    return found
+            by_name[name] = Source(name, sensor, kind, begin, size, noise, float(model.sensor_cutoff[sensor]))
+    return by_name
 
 
-def assemble(name: str, kind: KindName, names: Mapping[str, str], there: Mapping[str, Source]) -> Sensor:
-    """Puts a sensor together.
+def assemble(name: str, kind: KindName, names: Mapping[str, str], available: Mapping[str, Source]) -> Sensor:
+    """Builds a sensor from its parts.
 
     Args:
         name: Its name.
-        kind: What it is.
-        names: The names of its parts by their roles; an optional part may be left out.
-        there: The MJCF sensors there are.
+        kind: Its kind.
+        names: Names of its parts by role; an optional part may be omitted.
+        available: All MJCF sensors, by name.
 
     Raises:
-        PluginError: A part is missing or is of another type; the sentence has all that is wrong.
+        PluginError: A part is missing or has another type; the message lists all problems.
     """
-    parts, wrong = {}, []
+    parts, errors = {}, []
     for part in KINDS[kind].parts:
         if part.role not in names:
             continue
-        source = there.get(names[part.role])
+        source = available.get(names[part.role])
         if source is None:
-            same = [other.name for other in there.values() if _fits(part, other)]
-            wrong.append(str(UnknownName(part.type or "sensor", names[part.role], same)))
+            same = [other.name for other in available.values() if _fits(part, other)]
+            errors.append(str(UnknownName(part.type or "sensor", names[part.role], same)))
         elif not _fits(part, source):
-            numbers = f"{source.size} number{'s' * (source.size != 1)}"
-            wrong.append(f"{source.name!r} has type {source.type} and {numbers}, and {part.described} is needed")
+            values = f"{source.size} value{'s' * (source.size != 1)}"
+            errors.append(f"{source.name!r} has type {source.type} and {values}, but {part.described} is required")
         else:
             parts[part.role] = source
-    if wrong:
-        raise PluginError(f"{kind} {name!r}: {'; '.join(wrong)}")
+    if errors:
+        raise PluginError(f"{kind} {name!r}: {'; '.join(errors)}")
     return Sensor(name, kind, parts)
 
 
 def discovered(
-    there: Mapping[str, Source], kinds: tuple[KindName, ...]
+    available: Mapping[str, Source], kinds: tuple[KindName, ...]
 ) -> tuple[list[Sensor], dict[tuple[KindName, str], str]]:
-    """Returns the sensors of some kinds that the names and types of the model tell.
+    """Returns the sensors of some kinds that are found by the names and types in the model.
 
     Args:
-        there: The MJCF sensors there are.
-        kinds: The kinds.
+        available: All MJCF sensors, by name.
+        kinds: The kinds to find.
 
     Returns:
-        The sensors, in the order of the model; and, by kind and name, a sentence for each that lacks a part.
+        The sensors, in the order of the model; and, by kind and name, a message for each incomplete sensor.
     """
     sensors: list[Sensor] = []
     incomplete: dict[tuple[KindName, str], str] = {}
@@ -121,28 +121,28 @@ def discovered(
     for name in dict.fromkeys(kinds):
         kind = KINDS[name]
         if kind.composed:
-            for base, parts in _groups(kind, there).items():
-                lacking = [part for part in kind.parts if part.role not in parts and not part.optional]
-                if not lacking:
+            for base, parts in _groups(kind, available).items():
+                missing = [part for part in kind.parts if part.role not in parts and not part.optional]
+                if not missing:
                     sensors.append(Sensor(base, name, parts))
                 elif name != "pose":
-                    need = " and ".join(f"{part.described} named {_usual_names(base, part)}" for part in lacking)
-                    incomplete[name, base] = f"{name} {base!r} needs {need}"
+                    required = " and ".join(f"{part.described} named {_usual_names(base, part)}" for part in missing)
+                    incomplete[name, base] = f"{name} {base!r} needs {required}"
     for sensor in sensors:
         taken |= {source.name for source in sensor.parts.values()}
     for name in dict.fromkeys(kinds):
         if not KINDS[name].composed:
-            sensors += _single(name, there, taken)
+            sensors += _single(name, available, taken)
     sensors.sort(key=lambda sensor: sensor.main.sensor)
     return sensors, incomplete
 
 
-def _groups(kind: Kind, there: Mapping[str, Source]) -> dict[str, dict[str, Source]]:
-    """Returns the parts that there are, by what their names have in common; an optional part makes no sensor."""
+def _groups(kind: Kind, available: Mapping[str, Source]) -> dict[str, dict[str, Source]]:
+    """Returns the parts of a kind, grouped by the common part of their names; an optional part forms no group."""
     groups: dict[str, dict[str, Source]] = {}
     endings = [(part, ending) for part in kind.parts for ending in part.endings]
     for part, ending in endings:
-        for source in there.values():
+        for source in available.values():
             base = source.name.removesuffix(f"_{ending}")
             if base and base != source.name and _fits(part, source) and (not part.optional or base in groups):
                 groups.setdefault(base, {}).setdefault(part.role, source)
@@ -153,16 +153,16 @@ def _usual_names(base: str, part: Part) -> str:
     return " or ".join(f"{base}_{ending}" for ending in part.endings)
 
 
-def _single(kind: KindName, there: Mapping[str, Source], taken: set[str]) -> Iterator[Sensor]:
-    """Yields the sensors of one part that belong to a kind, but those that something is made of."""
-    for source in there.values():
+def _single(kind: KindName, available: Mapping[str, Source], taken: set[str]) -> Iterator[Sensor]:
+    """Yields the sensors of a kind with a single part, without those that are parts of other sensors."""
+    for source in available.values():
         ray = source.type == "rangefinder" and _RAY_NAME.fullmatch(source.name)
         if not ray and source.name not in taken and _kind_of(source) == kind:
             yield Sensor(source.name, kind, {KINDS[kind].parts[0].role: source})
 
 
 def _kind_of(source: Source) -> KindName:
-    """Returns the kind that a sensor alone is of: that of its type, else that of its size, else an array."""
+    """Returns the kind of a single MJCF sensor: by its type, else by its size, else `array`."""
     single = [(name, kind.parts[0]) for name, kind in KINDS.items() if not kind.composed]
     typed = (name for name, part in single if part.type is not None and _fits(part, source))
     sized = (name for name, part in single if part.type is None and part.size is not None and _fits(part, source))
