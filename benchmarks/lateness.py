@@ -19,7 +19,7 @@ def p99_in_thread(work: Callable[[list[float]], None]) -> float:
     late: list[float] = []
 
     def run() -> None:
-        with process.frozen_garbage(), process.quick_switching():
+        with process.frozen_garbage(), process.fast_thread_switching():
             process.prefer_this_thread()
             work(late)
 

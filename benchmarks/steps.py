@@ -62,7 +62,7 @@ def _served(
             assert loop.simulation.step == loop.last_step
             return steps / elapsed
 
-        with process.frozen_garbage(), process.quick_switching():
+        with process.frozen_garbage(), process.fast_thread_switching():
             yield measure
 
 

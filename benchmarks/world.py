@@ -101,4 +101,4 @@ class BareLoop:
         return steps / (perf_counter() - began)
 
 
-process.tame_mujoco()
+process.configure_mujoco()

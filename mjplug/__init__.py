@@ -1,4 +1,4 @@
-"""mjplug: a MuJoCo simulation server that speaks Zenoh, with ROS 2's names and messages."""
+"""mjplug: a MuJoCo simulation server that communicates over Zenoh with the names and messages of ROS 2."""
 
 from typing import TYPE_CHECKING
 
@@ -20,8 +20,8 @@ else:
     }
 
     def __getattr__(name):
-        # Imported when it is used, so that the command line and the client start quickly: the server imports MuJoCo,
-        # and `importlib.metadata` takes longer to import than `mjplug --help` takes in all.
+        # Imported at first use, so that the command line and the client start quickly: the server imports MuJoCo, and
+        # importing `importlib.metadata` takes longer than `mjplug --help`.
         if name == "__version__":
             from importlib.metadata import version  # noqa: PLC0415
 

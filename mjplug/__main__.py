@@ -1,4 +1,4 @@
-"""`python -m mjplug` is the command line."""
+"""Runs the command line for `python -m mjplug`."""
 
 from mjplug.cli import main
 

@@ -1,18 +1,15 @@
-"""What can go wrong, as exceptions that build the sentence a person reads."""
+"""The exceptions of mjplug. Their text is a sentence for the user."""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Iterable
 
-from mjplug.near_names import LONGEST, Names
-
-_LONGEST_NAME = LONGEST
-"""Characters of a wrong name that are shown."""
+from mjplug.near_names import MAX_NAME_LENGTH, Names
 
 
 class MjplugError(Exception):
-    """Root of every error that mjplug raises on purpose."""
+    """Base class of all errors that mjplug raises on purpose."""
 
 
 class ModelError(MjplugError):
@@ -28,16 +25,16 @@ class PluginError(MjplugError):
 
 
 class RequestError(MjplugError):
-    """A request is refused; the sentence goes to the client that sent it."""
+    """A request is refused; the text is sent to the client that sent the request."""
 
 
-class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name already)
-    """A name that the model (or a table) does not have.
+class UnknownName(RequestError):  # noqa: N818  (the name already says what is wrong)
+    """A name does not exist in the model or in another list of names.
 
     Args:
-        kind: What was looked up, such as `body`.
-        name: The name that is not there.
-        allowed: The names that are. Where they may be many and time counts, give `Names` that were made before.
+        kind: The kind of object, such as `body`.
+        name: The name that does not exist.
+        allowed: The names that exist. For many names, pass a prebuilt `Names` to save time.
     """
 
     def __init__(self, kind: str, name: str, allowed: Iterable[str] | Names) -> None:
@@ -46,10 +43,10 @@ class UnknownName(RequestError):  # noqa: N818  (what is wrong is in the name al
 
 
 def is_fault(error: BaseException) -> bool:
-    """Whether an exception out of a plugin's code is a failure of the plugin, which must not end the process.
+    """Returns whether an exception from a plugin's code is a failure of the plugin, which must not end the process.
 
-    `sys.exit()` is one. KeyboardInterrupt is one too, unless Python's own handler of SIGINT is in place, as in a script
-    that runs a server: then it is the user's Ctrl-C.
+    SystemExit is a failure. KeyboardInterrupt is a failure too, unless Python's default handler of SIGINT is installed,
+    as in a script that runs a server; then the user has pressed Ctrl-C.
     """
     if isinstance(error, KeyboardInterrupt):
         return signal.getsignal(signal.SIGINT) is not signal.default_int_handler
@@ -57,18 +54,18 @@ def is_fault(error: BaseException) -> bool:
 
 
 def did_you_mean(name: str, allowed: Iterable[str] | Names) -> str:
-    """Returns `, did you mean 'x'?` for a name close to an allowed one, otherwise an empty string."""
+    """Returns `, did you mean 'x'?` if `name` is similar to an allowed name, otherwise an empty string."""
     near = (allowed if isinstance(allowed, Names) else Names(allowed)).nearest(name)
     return "" if near is None else f", did you mean {near!r}?"
 
 
 def quoted(name: str) -> str:
-    """Returns a name that somebody sent in quotes, shortened if it is absurdly long."""
-    return repr(name) if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]!r}… ({len(name)} characters)"
+    """Returns a name in quotes; a name longer than `MAX_NAME_LENGTH` is shortened."""
+    return repr(name) if len(name) <= MAX_NAME_LENGTH else f"{name[:MAX_NAME_LENGTH]!r}… ({len(name)} characters)"
 
 
-def _listing(kind: str, names: Names, most: int = 20) -> str:
+def _listing(kind: str, names: Names, max_names: int = 20) -> str:
     if not len(names):
         return f"there is no {kind}"
-    more = f", … ({len(names)} in all)" if len(names) > most else ""
-    return "known: " + ", ".join(names.first(most)) + more
+    more = f", … ({len(names)} in all)" if len(names) > max_names else ""
+    return "known: " + ", ".join(names.first(max_names)) + more

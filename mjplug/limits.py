@@ -1,10 +1,10 @@
-"""Limits of numbers that people and clients choose, so that no calculation with them overflows."""
+"""Limits of numbers that users and clients choose, so that no calculation with them overflows."""
 
-SLOWEST, FASTEST = 1e-3, 1e3
-"""Range of the real-time factor; for more than `FASTEST`, use `max`."""
+MIN_SPEED, MAX_SPEED = 1e-3, 1e3
+"""Range of the real-time factor; use `max` for more than `MAX_SPEED`."""
 
-SHORTEST_STEP, LONGEST_STEP = 1e-9, 1e3
-"""Range of the model's time step [s]; stamps count nanoseconds."""
+MIN_TIMESTEP, MAX_TIMESTEP = 1e-9, 1e3
+"""Range of the model's time step [s]; time stamps count nanoseconds."""
 
-LONGEST_TIME = 2**31 - 1
-"""The latest simulated time that fits into a `builtin_interfaces/Time` [s]: 68 years."""
+MAX_SIMULATED_TIME = 2**31 - 1
+"""Maximum simulated time [s], about 68 years: the maximum of `builtin_interfaces/Time`."""

@@ -1,8 +1,8 @@
-"""Log lines for a person: time, level where it matters, who, what; written by a thread of their own.
+"""Log lines on standard error, written by a separate thread: time, plugin instance, level, message.
 
-Text from other programs gets into the log: names, error messages, parts of payloads. A message is therefore always one
-line, with control characters escaped (`one_line`). Tracebacks keep their line breaks, but are indented, so that no line
-of them can be mistaken for a log line. `/rosout` carries the same text.
+Log messages may contain text from other programs: names, error messages, parts of payloads. A message is therefore
+always one line, with control characters escaped (`one_line`). Tracebacks keep their line breaks, but their lines are
+indented, so that none of them can be mistaken for a log line. `/rosout` contains the same text.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from mjplug.printable import INDENT, lines, one_line
 
 INSTANCES = "mjplug.instance"
-"""Parent of the logger of every plugin instance."""
+"""Name of the parent logger of all plugin instances."""
 
 _COLOURS = {
     logging.WARNING: "\033[33m",
@@ -29,7 +29,7 @@ class PrintableFormatter(logging.Formatter):
     """Formats the message and the traceback of a record, with all control characters escaped."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Returns the escaped text of a record; the text of one that `PrintableQueueHandler` sent stays as it is."""
+        """Returns the escaped text of a record. Records from `PrintableQueueHandler` are already escaped."""
         if getattr(record, "printable", False):
             return record.getMessage()
         text = one_line(record.getMessage())
@@ -43,14 +43,14 @@ class PrintableFormatter(logging.Formatter):
 
 
 class PrintableQueueHandler(logging.handlers.QueueHandler):
-    """Puts records with escaped text into a queue; a handler behind it writes the text as it is."""
+    """Puts records with escaped text into a queue; the handler that reads the queue writes the text unchanged."""
 
     def __init__(self, queue: "queue.SimpleQueue[logging.LogRecord] | None") -> None:
         super().__init__(queue)  # type: ignore[arg-type]
         self.setFormatter(PrintableFormatter())
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
-        """Returns a copy of the record that has its final text."""
+        """Returns a copy of the record with its final text."""
         prepared: logging.LogRecord = super().prepare(record)
         prepared.printable = True
         return prepared
@@ -63,30 +63,30 @@ class _Formatter(PrintableFormatter):
 
     def format(self, record: logging.LogRecord) -> str:
         mark = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-        line = f"{self.formatTime(record, self.datefmt)} {_who(record.name)}{mark}{super().format(record)}"
+        line = f"{self.formatTime(record, self.datefmt)} {_instance_prefix(record.name)}{mark}{super().format(record)}"
         colour = _COLOURS.get(record.levelno) if self._colour else None
         return f"{colour}{line}\033[0m" if colour else line
 
 
-def _who(logger: str) -> str:
-    """Returns `instance: ` for a plugin's own logger, nothing for the server's modules."""
+def _instance_prefix(logger: str) -> str:
+    """Returns `<instance>: ` for the logger of a plugin instance, otherwise an empty string."""
     instance = logger.removeprefix(f"{INSTANCES}.")
     return "" if instance == logger else f"{instance}: "
 
 
 def ros_string(text: str) -> str:
-    """Returns a text as a ROS string can hold it: without NUL, and without what is no character."""
+    """Returns a text as a valid ROS string: NUL and lone surrogates are replaced."""
     return text.encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
 
 
 @contextlib.contextmanager
 def logging_to_stderr(verbosity: int) -> Iterator[None]:
-    """Sends log records to standard error until the end of the block.
+    """Writes log records to standard error until the end of the block.
 
-    A thread writes them, so that a slow terminal never holds up a step.
+    A separate thread writes them, so that a slow terminal never delays a step.
 
     Args:
-        verbosity: -1 shows warnings only, 0 what happens, 1 and more everything.
+        verbosity: -1 or less logs warnings and errors, 0 also information, 1 or more also debug messages.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(_Formatter(colour=sys.stderr.isatty()))

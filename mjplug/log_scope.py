@@ -1,8 +1,8 @@
-"""Which server a log line belongs to, where several servers run in one process.
+"""Assigns log lines to servers when several servers run in one process.
 
-Each thread of a server runs in the server's `LogScope`: the physics thread, the threads of its worker processes, and
-Zenoh's threads while they run one of its callbacks (`bound`). All lines that are logged there belong to the server.
-Lines of a logger from `logger_of_server` belong to it on any thread.
+Each thread of a server runs in the server's `LogScope`: the physics thread, the threads that supervise its worker
+processes, and Zenoh's threads while they run one of its callbacks (`bound`). All lines logged in a scope belong to its
+server. Lines of a logger from `logger_of_server` belong to the server on any thread.
 
 A server without a scope, as in `mjplug serve`, gets all lines of the process that belong to no other server.
 """
@@ -25,19 +25,19 @@ ROOT = ""
 """The name of the root logger, for `receive`."""
 
 _MARK = "mjplug_scope"
-"""The attribute of a record that has the number of its scope. It is a number since handlers pickle records."""
+"""The attribute of a log record for the number of its scope; a number, because some handlers pickle records."""
 
 _numbers = count(1)
 
 _changing = threading.Lock()
-"""Held while the receivers of lines change; never while a line is handed over."""
+"""Held while the list of handlers changes; never while a line is handled."""
 
 
 class LogScope:
     """The log lines of one server.
 
     Attributes:
-        number: Distinguishes the scopes of a process.
+        number: The number of the scope, unique in the process.
     """
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class LogScope:
 
     @contextmanager
     def active(self) -> Iterator[None]:
-        """Makes what this thread logs until the end of the block belong to the scope."""
+        """Assigns all lines that this thread logs to the scope, until the end of the block."""
         token = _current.set(self)
         try:
             yield
@@ -57,19 +57,19 @@ _current: ContextVar[LogScope | None] = ContextVar("mjplug_log_scope", default=N
 
 
 def current_scope() -> LogScope | None:
-    """Returns the scope of the server that the calling thread works for; None outside of any."""
+    """Returns the scope of the calling thread; None if it runs in no scope."""
     return _current.get()
 
 
 def bound(function: Callable[P, R]) -> Callable[P, R]:
-    """Returns a function that runs in the scope that is current now, on whichever thread it is called."""
+    """Returns a wrapper that runs a function in the current scope, on any thread."""
     scope = _current.get()
     if scope is None:
         return function
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        # Zenoh also calls back on the thread that publishes, which may be another server's.
+        # Zenoh also runs callbacks on the thread that publishes, which may belong to another server.
         token = _current.set(scope)
         try:
             return function(*args, **kwargs)
@@ -80,23 +80,23 @@ def bound(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def logger_of_server(name: str) -> logging.Logger:
-    """Returns a logger whose lines belong to the current scope, on any thread; outside of a scope, the usual one.
+    """Returns a logger whose lines belong to the current scope, on any thread.
 
-    Its level and its handlers are those of `logging.getLogger(name)`.
+    Its level and its handlers are those of `logging.getLogger(name)`, which is returned if there is no current scope.
     """
     scope = _current.get()
     return logging.getLogger(name) if scope is None else _ServerLogger(name, scope)
 
 
 def receive(handler: logging.Handler, loggers: Sequence[str]) -> Undo:
-    """Gives a handler the lines of the current scope; outside of a scope, those that belong to no scope.
+    """Passes the lines of the current scope to a handler; without a current scope, the lines that belong to no scope.
 
     Args:
-        handler: Gets each line, on the thread that logs it.
-        loggers: Names of the loggers to listen to, with all below them; none may be below another one.
+        handler: Called with each line on the thread that logs it.
+        loggers: Names of the loggers, which include their child loggers; none may be a child of another one.
 
     Returns:
-        What ends it; it may be called twice.
+        A function that stops this; a second call does nothing.
     """
     scope = _current.get()
     number = None if scope is None else scope.number
@@ -112,7 +112,7 @@ def receive(handler: logging.Handler, loggers: Sequence[str]) -> Undo:
 
 
 class _ServerLogger(logging.Logger):
-    """A logger that marks its records with a scope. It is not in `logging`'s table, so each server has its own."""
+    """A logger that marks its records with a scope. It is not registered in `logging`, so each server has its own."""
 
     def __init__(self, name: str, scope: LogScope) -> None:
         super().__init__(name)
@@ -127,7 +127,7 @@ class _ServerLogger(logging.Logger):
         return record
 
     def isEnabledFor(self, level: int) -> bool:  # noqa: N802
-        """Returns whether the level is enabled; without the cache, which `logging` empties for loggers it knows."""
+        """Returns whether the level is enabled. Without a cache, which `logging` clears for registered loggers only."""
         return self.manager.disable < level and level >= self.getEffectiveLevel()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -135,7 +135,7 @@ class _ServerLogger(logging.Logger):
 
 
 class _Dispatcher(logging.Handler):
-    """Stands at one logger for all servers, and hands each line to the server that it belongs to."""
+    """The handler of one logger for all servers. It passes each line to the handlers of the line's server."""
 
     _known: dict[str, "_Dispatcher"] = {}  # noqa: RUF012
 
@@ -147,35 +147,35 @@ class _Dispatcher(logging.Handler):
 
     @classmethod
     def of(cls, name: str) -> "_Dispatcher":
-        """Returns the one of a logger."""
+        """Returns the dispatcher of a logger."""
         with _changing:
             return cls._known.setdefault(name, cls(name))
 
     def add(self, scope: int | None, handler: logging.Handler) -> None:
-        """Hands the lines of a scope to a handler."""
+        """Starts passing the lines of a scope to a handler."""
         with _changing:
             self._handlers = [*self._handlers, (scope, handler)]
         self._place.hold()
 
     def remove(self, handler: logging.Handler) -> None:
-        """Ends that."""
+        """Stops passing lines to a handler."""
         with _changing:
             self._handlers = [pair for pair in self._handlers if pair[1] is not handler]
         self._place.release()
 
     def createLock(self) -> None:  # noqa: N802
-        """Makes none: one server must not wait for the log of another one. Each handler has its own."""
+        """Creates no lock, so that no server waits for the log of another one. Each handler has its own lock."""
         self.lock = None
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Hands a line over."""
+        """Passes a line to the handlers of its server."""
         scope = getattr(record, _MARK, None)
         if scope is None and (current := _current.get()) is not None:
             scope = current.number
         for number, handler in self._handlers:
             if number == scope:
                 handler.handle(record)
-        # Python prints warnings on standard error if a program has set up no handlers, but it counts this one.
+        # If a program has no handlers, Python prints warnings on standard error; this handler would prevent that.
         last = logging.lastResort
         if last is not None and record.levelno >= last.level and self._is_alone(record):
             last.handle(record)
@@ -185,10 +185,10 @@ class _Dispatcher(logging.Handler):
         return lambda: self._logger.removeHandler(self)
 
     def _is_alone(self, record: logging.LogRecord) -> bool:
-        """Returns whether a record meets no handler but dispatchers, of which this one is the first."""
+        """Returns whether only dispatchers handle a record, and this one is the first of them."""
         logger: logging.Logger | None = logging.getLogger(record.name)
-        met: list[logging.Handler] = []
+        handlers: list[logging.Handler] = []
         while logger is not None:
-            met += logger.handlers
+            handlers += logger.handlers
             logger = logger.parent if logger.propagate else None
-        return met[:1] == [self] and all(isinstance(handler, _Dispatcher) for handler in met)
+        return handlers[:1] == [self] and all(isinstance(handler, _Dispatcher) for handler in handlers)

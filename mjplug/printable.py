@@ -1,18 +1,18 @@
-"""Text from other programs, made safe to print: one line, without control characters.
+"""Escapes text from other programs so that it is safe to print: one line, without control characters.
 
 A name, a payload or an error reply may contain line breaks, terminal escape sequences and characters that reverse the
-direction of the text. Printed as they are, they would forge log lines or change what the reader sees.
+direction of the text. Printed without escaping, they could forge log lines or hide text from the reader.
 """
 
 INDENT = "    "
-"""What the second and later lines of a text begin with, so that none of them looks like a log line of its own."""
+"""Prefix of the second and later lines of a text, so that none of them looks like a log line."""
 
 
 def one_line(text: str) -> str:
     r"""Returns a text with every character that is not printable written as an escape: `\n`, `\x1b`, `\u202e`.
 
-    Letters of all scripts, symbols and blanks stay as they are. Escaped are control characters (C0 and C1), line and
-    paragraph separators, invisible formatting characters (direction overrides among them) and lone surrogates.
+    Letters of all scripts, symbols and spaces are not changed. Control characters (C0 and C1), line and paragraph
+    separators, invisible formatting characters (such as direction overrides) and lone surrogates are escaped.
     """
     if text.isprintable():
         return text
@@ -20,5 +20,5 @@ def one_line(text: str) -> str:
 
 
 def lines(text: str) -> str:
-    """Returns a text of several lines, each of them escaped as by `one_line`, all but the first indented."""
+    """Returns a text of several lines, each escaped by `one_line`, and all but the first indented."""
     return f"\n{INDENT}".join(one_line(line) for line in text.expandtabs(4).split("\n"))

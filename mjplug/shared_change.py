@@ -1,4 +1,4 @@
-"""Changes to the whole process that several servers in it need at the same time."""
+"""Process-wide changes that several servers in one process need at the same time."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -8,13 +8,13 @@ Undo = Callable[[], None]
 
 
 class SharedChange:
-    """A change to the whole process, such as Python's switch interval. Thread-safe.
+    """A process-wide change, such as Python's switch interval. Thread-safe.
 
-    The first holder makes the change, and the last one takes it back. If each server saved and restored the value
-    itself, two servers that do not stop in the reverse order of their starts would leave the wrong value behind.
+    The first `hold` makes the change, and the last `release` undoes it. If each server saved and restored the value
+    itself, two servers that do not stop in the reverse order of their starts would leave a wrong value.
 
     Args:
-        make: Makes the change, and returns what takes it back.
+        make: Makes the change, and returns a function that undoes it.
     """
 
     def __init__(self, make: Callable[[], Undo]) -> None:
@@ -33,14 +33,14 @@ class SharedChange:
             self.release()
 
     def hold(self) -> None:
-        """Makes the change, unless it is in place. Each call needs a `release`, or the change stays."""
+        """Makes the change, unless it is already made. Without a `release` for each call, the change stays."""
         with self._lock:
             if self._undo is None:
                 self._undo = self._make()
             self._holders += 1
 
     def release(self) -> None:
-        """Takes the change back if nobody else holds it."""
+        """Undoes the change if there is no other `hold`."""
         with self._lock:
             self._holders -= 1
             if self._holders == 0 and self._undo is not None:

@@ -1,4 +1,4 @@
-"""Keeps a fault that repeats from filling the log."""
+"""Limits the rate of log lines about repeated faults."""
 
 import logging
 import sys
@@ -6,36 +6,36 @@ from time import perf_counter
 
 
 class Throttle:
-    """Lets one log line through in each span of wall time, and counts the others.
+    """Admits one log line per interval of wall time, and counts the others.
 
     Args:
-        seconds: Length of the span [s].
+        interval: Minimum wall time between two admitted lines [s].
     """
 
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
-        self._quiet_until = float("-inf")
-        self._held = 0
+    def __init__(self, interval: float) -> None:
+        self._interval = interval
+        self._next_line_at = float("-inf")
+        self._suppressed = 0
 
     def admit(self, now: float) -> bool:
-        """Whether a line may be logged at the wall time `now` [s]; if not, it is counted."""
-        if now < self._quiet_until:
-            self._held += 1
+        """Returns whether a line may be logged at the wall time `now` [s]; if not, counts it."""
+        if now < self._next_line_at:
+            self._suppressed += 1
             return False
-        self._quiet_until = now + self._seconds
+        self._next_line_at = now + self._interval
         return True
 
-    def held(self) -> str:
-        """Returns ` (N more since the last line)` for the lines held back since it was last called, or nothing."""
-        held, self._held = self._held, 0
-        return f" ({held} more since the last line)" if held else ""
+    def suppressed(self) -> str:
+        """Returns ` (N more since the last line)` and resets the count; empty if no line was suppressed."""
+        count, self._suppressed = self._suppressed, 0
+        return f" ({count} more since the last line)" if count else ""
 
 
 class FailureLog:
-    """Logs failures that clients can repeat at will, with their tracebacks, at most once a second.
+    """Logs failures that clients can cause repeatedly, with their tracebacks, at most once a second.
 
     Args:
-        logger: Where they are logged.
+        logger: The logger to use.
     """
 
     def __init__(self, logger: logging.Logger) -> None:
@@ -43,6 +43,6 @@ class FailureLog:
         self._throttle = Throttle(1.0)
 
     def log(self, what: str) -> None:
-        """Logs a sentence, and the exception that is being handled if there is one; or counts it."""
+        """Logs a sentence, and the exception that is being handled, if any."""
         if self._throttle.admit(perf_counter()):
-            self._logger.error("%s%s", what, self._throttle.held(), exc_info=sys.exc_info()[0] is not None)
+            self._logger.error("%s%s", what, self._throttle.suppressed(), exc_info=sys.exc_info()[0] is not None)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mjplug.errors import UnknownName, did_you_mean
-from mjplug.near_names import LONGEST, Names
+from mjplug.near_names import MAX_NAME_LENGTH, Names
 
 MANY = Names(f"{room}_{part}_{k}" for room in ("kitchen", "hall") for part in ("cup", "plate") for k in range(5000))
 
@@ -27,7 +27,7 @@ def test_among_twenty_thousand_names_one_mistake_finds_the_right_one(wrong, righ
     assert MANY.nearest(wrong) == right
 
 
-@pytest.mark.parametrize("wrong", ["", "zzz", "\0", "q" * LONGEST, "kitchen_cup_1" * 100])
+@pytest.mark.parametrize("wrong", ["", "zzz", "\0", "q" * MAX_NAME_LENGTH, "kitchen_cup_1" * 100])
 def test_what_is_like_no_name_finds_none(wrong):
     assert MANY.nearest(wrong) is None
 

@@ -75,7 +75,7 @@ def init(
     from mjplug.model.file import load_model
     from mjplug.physics import process
 
-    process.tame_mujoco()
+    process.configure_mujoco()
     _write(starting_file(model, load_model(model).model), output)
 
 

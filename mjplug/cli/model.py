@@ -34,7 +34,7 @@ def info(
         raise typer.BadParameter(
             f"unknown kind {kind!r}{did_you_mean(kind, TABLES)}; known: counts, {', '.join(TABLES)}", param_hint="KIND"
         )
-    process.tame_mujoco()
+    process.configure_mujoco()
     loaded = load_model(model)
     tables = {name: table(loaded.model) for name, table in TABLES.items() if kind in (None, name)}
     if output == "json":

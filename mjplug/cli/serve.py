@@ -12,7 +12,7 @@ from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
 from mjplug.lifecycle.ending import QuickEnd
 from mjplug.lifecycle.watchdog import StopWatchdog
-from mjplug.limits import LONGEST_TIME
+from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.log import logging_to_stderr
 
 if TYPE_CHECKING:
@@ -85,8 +85,10 @@ def serve(
         from mjplug.server.prepared import check as check_start
         from mjplug.server.prepared import prepare
 
-    if duration is not None and not duration <= LONGEST_TIME:
-        raise typer.BadParameter(f"it must be at most {LONGEST_TIME} s, not {duration:g}", param_hint="--duration")
+    if duration is not None and not duration <= MAX_SIMULATED_TIME:
+        raise typer.BadParameter(
+            f"it must be at most {MAX_SIMULATED_TIME} s, not {duration:g}", param_hint="--duration"
+        )
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += [Option("--paused", "sim.paused=true")] if paused else []
     # Quoted, so that a name such as 1 or on stays text.

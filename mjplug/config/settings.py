@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from mjplug.config.endpoint import check_endpoint
-from mjplug.limits import FASTEST, SLOWEST
+from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug_schemas.names import NAMESPACE, normalize_namespace, validate_node_name, validate_substituted
 
 
@@ -62,7 +62,7 @@ class Section(BaseModel):
 class Sim(Section):
     """How the simulation runs."""
 
-    speed: Annotated[float, Field(ge=SLOWEST, le=FASTEST)] | Literal["max"] = Field(
+    speed: Annotated[float, Field(ge=MIN_SPEED, le=MAX_SPEED)] | Literal["max"] = Field(
         1.0, description="Real-time factor, from 0.001 to 1000; `max` runs as fast as possible."
     )
     paused: bool = Field(False, description="Whether to start paused.")

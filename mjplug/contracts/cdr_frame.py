@@ -1,4 +1,4 @@
-"""A message kept ready as CDR bytes, whose numbers are written in place: what a publisher needs at every step."""
+"""A message that is encoded as CDR once; its numbers are then written in place, at little cost per message."""
 
 import struct
 from collections.abc import Iterable
@@ -12,11 +12,11 @@ from mjplug_schemas.cdr import Span, encode_with_layout
 from mjplug_schemas.message import Message
 
 _HEADER = 4
-"""The CDR encapsulation header [bytes]; alignment counts from its end."""
+"""Size of the CDR encapsulation header [bytes]; alignment counts from its end."""
 
 _PADDING = 4
-"""Bytes put before the payload and cut off again: CPython then leaves the rest where it is, so that the body starts at
-a multiple of 8 and numpy sees aligned numbers. Elsewhere they would only be slower."""
+"""Number of bytes that are put before the payload and then removed [bytes]. CPython leaves the rest in place, so the
+body starts at a multiple of 8 and numpy's views are aligned. Other interpreters may copy; views are then slower."""
 
 _STAMP = struct.Struct("<iI")
 _NANOSECONDS = 1_000_000_000
@@ -39,17 +39,16 @@ _DTYPES = {
 
 
 class CdrFrame:
-    """The CDR bytes of one message, with writable numpy views on its numbers.
+    """The CDR bytes of one message, with writable numpy views of its numbers.
 
-    What the message fixes stays fixed: strings, and the length of every sequence. When those change, build a new frame.
-    Not thread-safe.
+    Strings and the length of every sequence cannot change; build a new frame to change them. Not thread-safe.
 
     Attributes:
         type: The message's class.
-        buffer: The message's CDR bytes themselves; they change with the next write.
+        buffer: The CDR bytes; every write changes them.
 
     Args:
-        message: Gives the strings, the lengths and the first values.
+        message: The message with the strings, the lengths and the first values.
     """
 
     def __init__(self, message: Message) -> None:
@@ -60,41 +59,41 @@ class CdrFrame:
         self._stamps: dict[str, int] = {}
 
     def view(self, path: str) -> NDArray[Any]:
-        """Returns a writable view, of shape (n,), on a number, an array of numbers, or a struct of one kind of number.
+        """Returns a writable view, shape (n,), of a number, an array of numbers, or a struct of numbers of one type.
 
         Args:
             path: A field such as `position`, `header.stamp.sec` or `free_joints[3].pose.pose.position`.
-                The last is a point: its three numbers follow each other, so the view has shape (3,).
+                The last one is a point: its three numbers are contiguous, so the view has shape (3,).
 
         Raises:
             UnknownName: The message has no such field.
-            TypeError: The field holds text, or numbers that are not of one type or not next to each other.
+            TypeError: The field contains text, or its numbers have different types or are not contiguous.
         """
         spans = self._spans(path)
         dtype = self._dtype(path, spans)
         end = spans[0].offset
         for span in spans:
             if span.offset != end:
-                raise TypeError(f"the numbers of {path!r} are not next to each other; take views of its fields")
+                raise TypeError(f"the numbers of {path!r} are not contiguous; use views of its fields")
             end += span.count * dtype.itemsize
         return np.frombuffer(self.buffer, dtype, sum(span.count for span in spans), spans[0].offset)
 
     def slots(self, paths: Iterable[str]) -> "Slots":
-        """Returns the numbers of many fields, wherever they lie, as one flat array to assign.
+        """Returns the numbers of several fields, which need not be contiguous, as one flat sequence to write.
 
         Args:
             paths: Fields as for `view`, all of one numeric type.
 
         Raises:
             UnknownName: The message has no such field.
-            TypeError: The fields hold text, or numbers of different types.
+            TypeError: The fields contain text, or numbers of different types.
         """
         paths = list(paths)
         spans = [span for path in paths for span in self._spans(path)]
         if not spans:
             return Slots(np.empty(0), np.empty(0, np.intp))
         dtype = self._dtype(", ".join(paths[:3]), spans)
-        # A view of the whole body as this type: the body is aligned, so every such number is one of its elements.
+        # The body is aligned, so every number of this type is an element of a view of the whole body.
         words = np.frombuffer(self.buffer, dtype, (len(self.buffer) - _HEADER) // dtype.itemsize, _HEADER)
         first = [(span.offset - _HEADER) // dtype.itemsize for span in spans]
         index = np.concatenate([np.arange(at, at + span.count) for at, span in zip(first, spans, strict=True)])
@@ -108,8 +107,8 @@ class CdrFrame:
             time_ns: The time [ns].
 
         Raises:
-            UnknownName: The message has no such stamp.
-            struct.error: The seconds do not fit an int32.
+            UnknownName: The message has no such time stamp.
+            struct.error: The seconds do not fit into an int32.
         """
         offset = self._stamps.get(path)
         if offset is None:
@@ -117,7 +116,7 @@ class CdrFrame:
         _STAMP.pack_into(self.buffer, offset, *divmod(time_ns, _NANOSECONDS))
 
     def payload(self) -> bytes:
-        """Returns a copy of `buffer`, which may be sent while the next values are written."""
+        """Returns a copy of `buffer`, which can be sent while the next values are written."""
         return bytes(self.buffer)
 
     def _stamp_offset(self, path: str) -> int:
@@ -138,16 +137,16 @@ class CdrFrame:
     def _dtype(path: str, spans: list[Span]) -> "np.dtype[Any]":
         kinds = {span.primitive for span in spans}
         if len(kinds) != 1 or not kinds <= _DTYPES.keys():
-            raise TypeError(f"{path!r} holds {' and '.join(sorted(kinds))}; a view needs numbers of one type")
+            raise TypeError(f"{path!r} contains {' and '.join(sorted(kinds))}; a view needs numbers of one type")
         return np.dtype(_DTYPES[kinds.pop()])
 
 
 class Slots:
-    """Numbers at scattered places of a frame, in the order they were asked for.
+    """Numbers of a frame that need not be contiguous, in the order in which they were requested.
 
     Args:
-        words: The frame's body as an array.
-        index: The elements of it that belong to the slots.
+        words: The frame's body as an array, shape (m,).
+        index: Indices in `words` of the numbers, shape (n,).
     """
 
     def __init__(self, words: NDArray[Any], index: NDArray[np.intp]) -> None:
@@ -158,5 +157,5 @@ class Slots:
         return len(self._index)
 
     def write(self, values: ArrayLike) -> None:
-        """Writes all slots; `values` has shape (len(self),)."""
+        """Writes all numbers; `values` has shape (n,)."""
         self._words[self._index] = values

@@ -1,4 +1,4 @@
-"""What a part of the server says of its own state, for `/diagnostics`."""
+"""Statuses of the server's parts, for `/diagnostics`."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -25,9 +25,9 @@ class Diagnosis:
     """One status.
 
     Attributes:
-        level: How bad it is.
+        level: The severity.
         message: One sentence.
-        values: Figures, by name; they are published as text.
+        values: Values by name; they are published as text.
     """
 
     level: Level = Level.OK
@@ -36,40 +36,41 @@ class Diagnosis:
 
 
 class Diagnostics:
-    """Those who can be asked, by name: `camera` or `camera: front`. Physics thread only."""
+    """All diagnostic tasks, by name: `camera` or `camera: front`. Physics thread only."""
 
     def __init__(self) -> None:
         self._tasks: dict[str, Callable[[], Diagnosis]] = {}
         self._failed: set[str] = set()
 
     def add(self, name: str, task: Callable[[], Diagnosis]) -> None:
-        """Adds one to ask about once a second of wall time; a second one of the same name takes its place."""
+        """Adds a task that is called about once a second of wall time; it replaces a task of the same name."""
         self._tasks[name] = task
         self._failed.discard(name)
 
     def diagnose(self) -> dict[str, Diagnosis]:
-        """Asks all of them; every value is text in what they answer.
+        """Calls all tasks and returns their statuses by name, with all values converted to text.
 
-        One that raises, or answers what is no diagnosis, has an error for a status, and is logged the first time.
+        If a task raises an exception or returns something other than a Diagnosis, its status is an error. The first
+        failure of each task is logged.
         """
-        return {name: self._ask(name, task) for name, task in self._tasks.items()}
+        return {name: self._run(name, task) for name, task in self._tasks.items()}
 
-    def _ask(self, name: str, task: Callable[[], Diagnosis]) -> Diagnosis:
+    def _run(self, name: str, task: Callable[[], Diagnosis]) -> Diagnosis:
         try:
-            said = task()
-            if not isinstance(said, Diagnosis):
-                raise TypeError(f"a diagnostic returns a Diagnosis, not {said!r}")
-            values = {_text(key): _text(value) for key, value in said.values.items()}
-            return Diagnosis(Level(said.level), _text(said.message), values)
+            diagnosis = task()
+            if not isinstance(diagnosis, Diagnosis):
+                raise TypeError(f"a diagnostic task must return a Diagnosis, not {diagnosis!r}")
+            values = {_text(key): _text(value) for key, value in diagnosis.values.items()}
+            return Diagnosis(Level(diagnosis.level), _text(diagnosis.message), values)
         except BaseException as error:
             if not is_fault(error):
                 raise
             if name not in self._failed:
                 self._failed.add(name)
-                _log.exception("the diagnostic of %s failed", name)
-            return Diagnosis(Level.ERROR, _text(f"its diagnostic failed: {error!r}"))
+                _log.exception("the diagnostic task of %s failed", name)
+            return Diagnosis(Level.ERROR, _text(f"its diagnostic task failed: {error!r}"))
 
 
 def _text(value: object) -> str:
-    # What is no ROS string, such as an undecodable file name, must not keep the other statuses back.
+    # A text that is not a valid ROS string, such as an undecodable file name, must not block the other statuses.
     return ros_string(f"{value:.6g}" if isinstance(value, float) else str(value))

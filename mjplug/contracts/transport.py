@@ -1,6 +1,6 @@
-"""What the core asks of the wire: three kinds of endpoint, described by the names ROS users know.
+"""The interface between the server and its transport: publishers, subscriptions and services, in ROS's terms.
 
-`mjplug.wire` fulfils this with Zenoh; tests fulfil it with a fake. The core and the plugins see nothing else of it.
+`mjplug.wire` implements it with Zenoh; tests implement it with a fake. The other folders use only this interface.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,9 +19,10 @@ class QoS:
     """The ROS 2 quality of service of a topic.
 
     Attributes:
-        depth: KEEP_LAST depth; a subscription with depth 1 delivers only the newest message.
+        depth: KEEP_LAST depth. A subscription with depth 1 delivers only the newest message.
         reliability: `reliable` or `best_effort`.
-        durability: `transient_local` topics are latched: a late joiner gets the last `depth` samples.
+        durability: `volatile` or `transient_local`. On a `transient_local` (latched) topic, a late subscriber gets the
+            last `depth` messages.
     """
 
     depth: int = 10
@@ -30,21 +31,21 @@ class QoS:
 
 
 DEFAULT = QoS()
-"""What rclcpp and rclpy call the default profile: reliable, volatile, keep the last 10."""
+"""The default QoS profile of rclcpp and rclpy: reliable, volatile, keep last 10."""
 
 LATEST = QoS(depth=1)
-"""For command streams: only the newest message counts."""
+"""QoS of command topics, where only the newest message counts."""
 
 CLOCK = QoS(depth=1, reliability="best_effort")
-"""What rclcpp uses for /clock."""
+"""The QoS of `/clock` in rclcpp."""
 
 LATCHED = QoS(depth=1, durability="transient_local")
-"""For what a late joiner must still get."""
+"""QoS of topics whose last message a late subscriber must get."""
 
 
 @dataclass(frozen=True, slots=True)
 class Topic(Generic[M]):
-    """A topic: its full ROS name (`/a/b`), its message type and its quality of service."""
+    """A topic: its full ROS name (such as `/a/b`), its message type and its quality of service."""
 
     name: str
     type: type[M]
@@ -53,28 +54,28 @@ class Topic(Generic[M]):
 
 @dataclass(frozen=True, slots=True)
 class ServiceName:
-    """A service: its full ROS name (`/a/b`) and its type."""
+    """A service: its full ROS name (such as `/a/b`) and its type."""
 
     name: str
     type: type[Service]
 
 
 class Publisher(Protocol[M_contra]):
-    """One topic that we publish. Called on the physics thread only."""
+    """A publisher of one topic. Physics thread only."""
 
     @property
     def matched(self) -> bool:
-        """Whether anybody listens; a message for nobody need not be built."""
+        """Whether the topic has a subscriber; if not, there is no need to build a message."""
 
     def publish(self, message: M_contra) -> None:
-        """Encodes the message once per encoding that somebody listens to, and puts it."""
+        """Publishes the message, encoded once for each encoding that has subscribers."""
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        """Puts a prebuilt CDR frame; a JSON listener gets it decoded and re-encoded."""
+        """Publishes a prebuilt CDR frame; for JSON subscribers it is decoded and encoded again."""
 
 
 class Call(Protocol):
-    """One service request that waits for its answer. Answered once, from the physics thread."""
+    """A service request that waits for its response. It is answered once, on the physics thread."""
 
     @property
     def request(self) -> Message:
@@ -82,23 +83,23 @@ class Call(Protocol):
 
     @property
     def parameters(self) -> Mapping[str, str]:
-        """The selector's parameters: `{'wait': 'false'}` for `…?wait=false`."""
+        """The parameters of the Zenoh selector: `{'wait': 'false'}` for `…?wait=false`."""
 
     def respond(self, response: Message) -> None:
-        """Sends the response, in the encoding of the request; later answers are ignored."""
+        """Sends the response in the encoding of the request; later calls are ignored."""
 
     def refuse(self, reason: str) -> None:
-        """Answers that the request failed: `success=False` where the type has it, otherwise an error reply."""
+        """Reports that the request failed: with `success=False` if the type has this field, or with an error reply."""
 
 
 class Transport(Protocol):
-    """The network as the core sees it. Callbacks come on the transport's threads: they may only enqueue."""
+    """Declares publishers, subscriptions and services. Callbacks run on the transport's threads; they only enqueue."""
 
     def open_publisher(self, topic: Topic[M], on_matched: Callable[[], None] | None = None) -> Publisher[M]:
-        """Declares a publisher; `on_matched` is called each time a first listener appears."""
+        """Declares a publisher; `on_matched` is called each time the first subscriber appears."""
 
     def open_subscription(self, topic: Topic[M], deliver: Callable[[M], None]) -> None:
-        """Declares a subscription; `deliver` gets every valid message."""
+        """Declares a subscription; `deliver` is called with every valid message."""
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
-        """Declares a service; `deliver` gets every valid request."""
+        """Declares a service; `deliver` is called with every valid request."""

@@ -1,8 +1,8 @@
-"""What a plugin hands to a process of its own: making messages that are too costly for the physics thread.
+"""Work that is too slow for the physics thread and runs in a worker process.
 
-A `Work` is built in the server, sent to the process, opened there, and then given one state of the world after the
-other. Plugins write the `Work` and hold a `Worker`; who runs it is `WorkerPool`: processes in the server, the calling
-thread in tests, nobody where there is no network.
+A `Work` is created in the server, pickled to the worker process and opened there; then it performs jobs, each with one
+state of the simulation. The plugin defines the `Work` and gets a `Worker`, to which it submits jobs. A `WorkerPool`
+runs it: in worker processes in the server, in the calling thread in tests.
 """
 
 from abc import ABC, abstractmethod
@@ -21,17 +21,17 @@ from mjplug.physics.simulation import Simulation
 
 
 class UnavailableError(MjplugError):
-    """A work cannot be done on this machine, or not in this environment; the sentence says what would help."""
+    """A work cannot be opened on this machine or in this environment; the message says what would help."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What to make of one state of the world.
+    """The tasks to perform with one state of the simulation.
 
     Attributes:
-        time_ns: The state's simulated time [ns]; the stamp of everything made of it.
-        epoch: Resets of the world before it.
-        tasks: What is to be made, in the plugin's own words.
+        time_ns: Simulated time of the state [ns]; the time stamp of all messages made from it.
+        epoch: Number of resets before the state.
+        tasks: Names of the tasks; the plugin chooses them.
     """
 
     time_ns: int
@@ -40,53 +40,55 @@ class Job:
 
 
 class Work(ABC):
-    """What runs in the process. It must pickle before `open`, so it holds settings; what is heavy is made by `open`."""
+    """The code that runs in the worker process.
+
+    It must be picklable before `open`, so keep only settings in it and create other resources in `open`.
+    """
 
     @abstractmethod
     def open(self, model: mujoco.MjModel, publishers: Sequence[Publisher[Any]], logger: Logger) -> str:
-        """Takes what it needs; called once, in the process, with its environment set.
+        """Acquires resources. Called once in the worker process, after its environment variables were set.
 
         Args:
-            model: A copy of the model, the work's own: it may be changed.
-            publishers: Those given to `create_worker`, in their order, here to be published to.
+            model: A copy of the model for this work alone; it may be changed.
+            publishers: The publishers given to `create_worker`, in the same order.
             logger: Its lines appear in the server's log.
 
         Returns:
-            What the user should know, for the log: `rendering with EGL (llvmpipe, software)`; may be empty.
+            Text for the log, such as `rendering with EGL (llvmpipe, software)`; may be empty.
 
         Raises:
-            UnavailableError: It cannot be done in this environment; the next one is tried.
+            UnavailableError: The work cannot run in this environment; the next environment is tried.
         """
 
     @abstractmethod
     def perform(self, data: mujoco.MjData, job: Job) -> Any:
-        """Makes and publishes what the job names.
+        """Performs the tasks of a job and publishes the results.
 
         Args:
-            data: The state, with the kinematics of its positions.
-            job: What to make, and the state's time.
+            data: The state; body poses are computed, contacts and forces are not.
+            job: The tasks and the time of the state.
 
         Returns:
-            What the plugin's `on_done` gets; it must pickle.
+            A picklable value, which is passed to the plugin's `on_done`.
         """
 
     def close(self) -> None:  # noqa: B027 - most works have nothing to release
-        """Releases what `open` took; called also after an `open` that failed."""
+        """Releases the resources that `open` acquired; also called if `open` failed."""
 
 
 NO_RENDERER: Sequence[Mapping[str, str]] = ({"MUJOCO_GL": "disable"},)
-"""The environment of a work that renders nothing: MuJoCo is imported without OpenGL, which also is quicker."""
-
+"""The environment of a work that does not render. MuJoCo is then imported without OpenGL, which is also faster."""
 
 Priority = Literal["idle", "low", "normal"]
-"""How much processor time a process gets beside other programs.
+"""CPU priority of a worker process.
 
-`idle`: only what no other program wants. `low`: less than physics and other programs, but never nothing. `normal`: as
-much as any other program.
+`idle`: runs only when no other program uses the CPU. `low`: gets less CPU time than physics and other programs.
+`normal`: gets as much CPU time as any other program.
 """
 
 JOB_TIMEOUT = 60.0
-"""How long a job may take unless its plugin says otherwise [s]; time spent waiting for a processor does not count."""
+"""Default maximum time of a job [s]; the time in which the process waits for a CPU does not count."""
 
 
 def _ignore(*_: Any) -> None:
@@ -95,23 +97,22 @@ def _ignore(*_: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class WorkerSpec:
-    """What a worker process does, and the callbacks that report on it, which run on the physics thread.
+    """The work of a worker process, its settings, and the callbacks, which run on the physics thread.
 
     Attributes:
         name: The plugin instance's name.
-        work: What to do.
-        publishers: What it publishes to.
-        environments: Environment variables for the process, on top of the server's own; an empty value takes one away.
-            They are tried in this order until the work opens, each in a process of its own.
-        sync: Whether simulated time stands still after `submit` until the work is done: lockstep.
-        priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`; in
-            lockstep it is normal.
-        job_timeout: How long a job may take [s]; then the process is ended and another one is started.
-        hold: Called with True when simulated time must stand still, and with False when it may go on.
-        on_ready: Gets what `Work.open` said, each time the work has been opened.
-        on_done: Gets each job that was performed, and what `perform` returned.
-        on_lost: Gets the tasks that will not be performed, and why: the process died, `perform` raised, or the work
-            is unavailable.
+        work: The work.
+        publishers: The publishers that the work uses.
+        environments: Environment variables for the process, in addition to the server's; an empty value removes a
+            variable. They are tried in this order until the work opens, each in a new process.
+        sync: Whether the loop takes no step after `submit` until the job is done (lockstep).
+        priority: CPU priority of the process: `idle`, `low` or `normal`. In lockstep it is always normal.
+        job_timeout: Maximum time of a job [s]; after it, the process is killed and restarted.
+        hold: Called with True when the loop must take no step, and with False when it may continue.
+        on_ready: Called with the text that `Work.open` returned, each time the work has been opened.
+        on_done: Called with each completed job and the return value of `perform`.
+        on_lost: Called with the tasks that will not be performed, and the reason: the process died, `perform` raised
+            an exception, or the work is unavailable.
     """
 
     name: str
@@ -133,12 +134,12 @@ class WorkerStatus:
 
     Attributes:
         state: `starting`, `running`, `restarting` or `unavailable`; `unavailable` is final.
-        reason: Why it does not run; empty while it does.
-        performed: Jobs done.
-        dropped: By task, how often a newer state took the place of one that had waited.
-        restarts: How often the process had to be started again.
-        starved: Part of the time in which its threads wanted to compute, in the last second, that they waited for a
-            processor; 0 where the system does not tell.
+        reason: Why the worker does not run; empty while it runs.
+        performed: Number of completed jobs.
+        dropped: How often a newer state replaced a waiting one, by task.
+        restarts: How often the process was restarted.
+        starved: Share of its runnable time in the last second in which the process waited for a CPU, 0 to 1; 0 if the
+            operating system does not report it.
     """
 
     state: str = "starting"
@@ -152,7 +153,7 @@ class WorkerStatus:
 def worker_diagnosis(status: WorkerStatus) -> Diagnosis:
     """Returns the status of a worker, for `Host.create_diagnostic`.
 
-    Without a process at work there is an error if it stays so, a warning if it is being started again.
+    The level is ERROR if the worker is unavailable, WARN while it restarts, and otherwise OK.
     """
     level = {"unavailable": Level.ERROR, "restarting": Level.WARN}.get(status.state, Level.OK)
     values: dict[str, object] = {
@@ -167,38 +168,38 @@ def worker_diagnosis(status: WorkerStatus) -> Diagnosis:
 
 
 class Worker(Protocol):
-    """A work under way, as its plugin sees it. Physics thread only."""
+    """A running work, to which its plugin submits jobs. Physics thread only."""
 
     @property
     def status(self) -> WorkerStatus:
-        """Its state and counters, for diagnostics."""
+        """State and counters, for diagnostics."""
 
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
-        """Hands over the present state, to be made into `tasks`.
+        """Submits a job: tasks to perform with the current state.
 
-        It never waits; if the spec is `sync`, the server takes no further step until the job is done or lost, and
-        serves requests meanwhile. One job is performed at a time; a newer state takes the place of
-        one that waits, which keeps its tasks: those in both are counted as dropped once. An unavailable worker
-        answers with `on_lost`.
+        It never waits. If the worker is `sync`, the server takes no further step until the job is done or lost, but
+        serves requests meanwhile. The process performs one job at a time. If a job already waits, the new state
+        replaces the state of that job and the tasks are merged; tasks in both are counted as dropped once. If the
+        worker is unavailable, `on_lost` is called.
 
         Args:
-            tasks: What to make.
-            answered: Whether somebody gets an answer when they are made, and may have begun to listen a moment ago: the
-                process then waits until it knows of every listener that the network knows of now.
+            tasks: Names of the tasks.
+            answered: Whether a client gets a response when the job is done. The client may have subscribed just before,
+                so the process first waits until it has matched all subscribers that the server has matched now.
         """
 
 
 class WorkerPool(Protocol):
-    """Runs works, each in a worker of its own."""
+    """Runs works, each in its own worker."""
 
     def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> Worker:
-        """Starts one; it gets ready in its own time.
+        """Starts a worker and returns without waiting until it is ready.
 
         Args:
-            spec: What it does.
-            simulation: Where `submit` takes the state from.
-            inbox: Through which the callbacks of the spec reach the physics thread.
+            spec: The work and its settings.
+            simulation: The simulation whose state `submit` copies.
+            inbox: The inbox of the physics thread, on which the callbacks of the spec run.
         """
 
     def close(self) -> None:
-        """Ends all of them; a second call does nothing."""
+        """Stops all workers; a second call does nothing."""

@@ -1,1 +1,1 @@
-"""The physics loop: steps, timers, requests that wait, pacing, resets."""
+"""The physics loop: steps, timers, waiting requests, pacing, resets."""

@@ -1,26 +1,26 @@
-"""Recognises a simulation that has blown up, and says where."""
+"""Detects a diverged simulation and finds the joint where it diverged."""
 
 from dataclasses import dataclass
 
 import mujoco
 
-_BAD = (
+_WARNINGS = (
     (mujoco.mjtWarning.mjWARN_BADQPOS, "position"),
     (mujoco.mjtWarning.mjWARN_BADQVEL, "velocity"),
     (mujoco.mjtWarning.mjWARN_BADQACC, "acceleration"),
 )
-"""MuJoCo's own checks, in the order in which a step makes them."""
+"""MuJoCo's own checks, in the order in which a step performs them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Divergence:
-    """What MuJoCo found to be NaN, infinite or above 1e10 in a step.
+    """A value that MuJoCo found to be NaN, infinite or above 1e10 in a step.
 
     Attributes:
         quantity: `position`, `velocity` or `acceleration`.
-        joint: Name of the joint, `#<id>` if it has none.
-        body: Name of the joint's body, `#<id>` if it has none.
-        axis: Which of the joint's coordinates, counted from 0.
+        joint: Name of the joint; `#<id>` if it is unnamed.
+        body: Name of the joint's body; `#<id>` if it is unnamed.
+        axis: Index of the joint's coordinate, from 0.
     """
 
     quantity: str
@@ -30,18 +30,17 @@ class Divergence:
 
     @property
     def in_state(self) -> bool:
-        """Whether the state itself was bad already when the step began, so that only a reset helps."""
+        """Whether the state was already invalid when the step began, so that only a reset helps."""
         return self.quantity != "acceleration"
 
     def __str__(self) -> str:
-        return (
-            f"{self.quantity} of joint {self.joint} (coordinate {self.axis}, body {self.body}) is NaN, infinite or huge"
-        )
+        place = f"joint {self.joint} (coordinate {self.axis}, body {self.body})"
+        return f"{self.quantity} of {place} is NaN, infinite or above 1e10"
 
 
 def find(model: mujoco.MjModel, data: mujoco.MjData) -> Divergence | None:
-    """Returns what MuJoCo's warning counters say has diverged, or None."""
-    for kind, quantity in _BAD:
+    """Returns the divergence that MuJoCo's warning counters report; None if there is none."""
+    for kind, quantity in _WARNINGS:
         warning = data.warning[int(kind)]
         if warning.number:
             return _locate(model, quantity, int(warning.lastinfo))
@@ -49,8 +48,8 @@ def find(model: mujoco.MjModel, data: mujoco.MjData) -> Divergence | None:
 
 
 def clear(data: mujoco.MjData) -> None:
-    """Sets the counters that `find` reads back to zero."""
-    for kind, _ in _BAD:
+    """Sets the warning counters that `find` reads to zero."""
+    for kind, _ in _WARNINGS:
         data.warning.number[int(kind)] = 0
 
 

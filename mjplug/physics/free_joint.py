@@ -1,7 +1,7 @@
-"""Places free bodies: pose and twist, in the world or relative to another body.
+"""Sets pose and twist of free bodies, given in the world frame or in the frame of another body.
 
-MuJoCo keeps the linear velocity of a free joint in the world frame and its angular velocity in the body's own frame
-(https://mujoco.readthedocs.io/en/stable/overview.html#floating-objects); messages have both in one frame.
+MuJoCo stores the linear velocity of a free joint in the world frame and its angular velocity in the body's own frame
+(https://mujoco.readthedocs.io/en/stable/overview.html#floating-objects). Messages give both in one frame.
 """
 
 from collections.abc import Iterable
@@ -13,18 +13,18 @@ from mjplug.physics.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class FreeJointTarget:
-    """A valid request to place one free body.
+    """A validated target state of one free body.
 
     Attributes:
         body: The body's id.
-        joint: Its free joint's id.
+        joint: Id of its free joint.
         pose_frame: Body id of the frame of `pos` and `quat_wxyz`; 0 is the world.
-        pos: Position [m], shape (3,).
-        quat_wxyz: Orientation, unit quaternion, shape (4,).
-        twist_frame: Body id of the frame in which the velocities are expressed; 0 is the world. Its own velocity is not
-            added.
-        linear: Linear velocity [m/s], shape (3,).
-        angular: Angular velocity [rad/s], shape (3,).
+        pos: Position in `pose_frame` [m], shape (3,).
+        quat_wxyz: Orientation in `pose_frame`, unit quaternion, shape (4,).
+        twist_frame: Body id of the frame in which the velocities are expressed; 0 is the world. The velocity of that
+            body is not added.
+        linear: Linear velocity in the axes of `twist_frame` [m/s], shape (3,).
+        angular: Angular velocity in the axes of `twist_frame` [rad/s], shape (3,).
     """
 
     body: int
@@ -38,11 +38,11 @@ class FreeJointTarget:
 
 
 def apply(simulation: Simulation, targets: Iterable[FreeJointTarget]) -> None:
-    """Writes poses and velocities; all frames are read before the first is written, so that the order does not matter.
+    """Writes poses and velocities. All frames are read before the first write, so the order does not matter.
 
-    Derived quantities are stale afterwards: call `simulation.forward`.
+    Derived quantities are out of date afterwards; call `simulation.forward`.
     """
-    # Whatever wrote positions before may not have said so.
+    # Positions may have been written without a call of `positions_changed`.
     simulation.positions_changed()
     simulation.kinematics()
     model, data = simulation.model, simulation.data

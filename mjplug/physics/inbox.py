@@ -1,4 +1,4 @@
-"""The one way into the physics thread: other threads post calls, the loop runs them between steps."""
+"""The queue of calls for the physics thread. Other threads post calls; the loop runs them between steps."""
 
 import logging
 from collections.abc import Callable
@@ -9,15 +9,14 @@ from mjplug.throttle import Throttle
 
 Task = Callable[[], None]
 
-LONGEST_WAIT = 3600.0
-"""Bound on one wait [s]; the operating system refuses waits of centuries, as tiny speed factors would ask for."""
+MAX_WAIT = 3600.0
+"""Maximum time of one wait [s]; very small speed factors would need waits that the operating system refuses."""
 
+REPORT_INTERVAL = 10.0
+"""Minimum wall time between two log lines about overruns [s]."""
 
-REPORT_SECONDS = 10.0
-"""Wall time between two log lines about calls that come in too fast [s]."""
-
-MANY_OVERRUNS = 20
-"""Overruns since the last report that are reported; fewer are what a few slow calls do."""
+MIN_REPORTED_OVERRUNS = 20
+"""Minimum number of overruns in one report; a few slow calls cause fewer, which are not reported."""
 
 _log = logging.getLogger(__name__)
 
@@ -25,13 +24,13 @@ _log = logging.getLogger(__name__)
 class Inbox:
     """A queue of calls to make on the physics thread.
 
-    `post` and `interrupt` may be called from any thread, the rest only from the loop's.
+    `post` and `interrupt` may be called from any thread, the other methods only from the physics thread.
 
     Attributes:
-        interrupted: Whether the loop is to end, so that nothing on its thread should wait for long any more.
-        overfull: Whether the last `drain` ran out of time before it was through.
-        overruns: How often a `drain` has run out of time.
-        replaced: By topic, how many messages a newer one has replaced before they were handled.
+        interrupted: Whether the loop was asked to end. Nothing on the physics thread should then wait for long.
+        overfull: Whether the last `drain` ran out of time before the queue was empty.
+        overruns: How often a `drain` ran out of time.
+        replaced: Messages that a newer one replaced before they were handled, by topic.
     """
 
     def __init__(self) -> None:
@@ -42,24 +41,24 @@ class Inbox:
         self.overruns = 0
         self.replaced: dict[str, int] = {}
         self._reported = 0
-        self._throttle = Throttle(REPORT_SECONDS)
+        self._throttle = Throttle(REPORT_INTERVAL)
 
     @property
     def waiting(self) -> int:
-        """How many calls wait."""
+        """Number of waiting calls."""
         return self._queue.qsize()
 
     def post(self, task: Task) -> None:
-        """Queues a call; wakes the loop if it waits."""
+        """Queues a call, and wakes the loop if it waits."""
         self._queue.put(task)
 
     def interrupt(self, stop: Task) -> None:
-        """Queues the call that ends the loop. May be called from a signal handler too, at any point of the loop."""
+        """Queues the call that ends the loop. May also be called from a signal handler at any point of the loop."""
         self.interrupted = True
         self.post(stop)
 
     def drain(self, seconds: float) -> None:
-        """Runs what was queued when it was called, but begins nothing after `seconds` [s]: steps must be taken too."""
+        """Runs the calls that are queued now. It starts no call after `seconds` [s], so that steps are taken too."""
         until = perf_counter() + seconds
         self.overfull = False
         for _ in range(self._queue.qsize()):
@@ -70,31 +69,31 @@ class Inbox:
                 return
 
     def report(self, now: float) -> None:
-        """Logs, at most once in `REPORT_SECONDS`, that calls come in too fast.
+        """Logs, at most once in `REPORT_INTERVAL`, that calls arrive faster than they are handled.
 
         Args:
             now: Wall time [s].
         """
         since, self._reported = self.overruns - self._reported, self.overruns
-        if since >= MANY_OVERRUNS and self._throttle.admit(now):
+        if since >= MIN_REPORTED_OVERRUNS and self._throttle.admit(now):
             _log.warning(
-                "requests and messages come in faster than they can be handled: %d wait; physics gets about half of "
-                "the time of its thread%s",
+                "requests and messages arrive faster than they can be handled: %d are waiting; the physics thread "
+                "spends about half of its time on them%s",
                 self.waiting,
-                self._throttle.held(),
+                self._throttle.suppressed(),
             )
 
     def wait(self, seconds: float) -> None:
-        """Waits for a call and runs it, for at most `seconds` [s] and never longer than `LONGEST_WAIT`."""
+        """Waits for a call for at most `seconds` [s], and at most `MAX_WAIT`; runs it."""
         try:
-            task = self._next(min(seconds, LONGEST_WAIT))
+            task = self._next(min(seconds, MAX_WAIT))
         except Empty:
             return
         task()
 
     def _next(self, seconds: float) -> Task:
-        # Before Python 3.13, `get` may wait for ever when its time is over as it begins and the last call was taken
-        # without waiting for it. Asking in vain first puts that right.
+        # Before Python 3.13, `get` with a timeout that has already passed may block for ever if the last call was
+        # taken without waiting. A failed `get_nowait` first avoids that.
         try:
             return self._queue.get_nowait()
         except Empty:

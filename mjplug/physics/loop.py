@@ -1,11 +1,11 @@
-"""The physics loop: the one place where steps are taken and everything that touches the state is called."""
+"""The physics loop: takes the steps, and calls everything that reads or changes the state."""
 
 from collections.abc import Callable, Generator
 from time import perf_counter
 from typing import TypeVar
 
 from mjplug.errors import MjplugError, RequestError, is_fault
-from mjplug.limits import LONGEST_TIME
+from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.pacing import Pacer, Speed
@@ -18,13 +18,14 @@ from mjplug.physics.steppers import Steppers
 from mjplug.physics.timing import Timing
 from mjplug_schemas.message import Message
 
-BATCH_SECONDS = 0.002
-"""Wall time after which a batch of steps looks at the inbox again [s]; a request at speed `max` waits no longer."""
+MAX_BATCH_TIME = 0.002
+"""Maximum wall time of a batch of steps and of a drain of the inbox [s]. It bounds how long a request waits."""
 
-SECOND = 1.0
-"""How often `on_second` and `on_idle` are called [s of wall time]."""
+WALL_TIMER_PERIOD = 1.0
+"""Period of `on_second` and `on_idle` [s of wall time]."""
 
-_LARGEST_BATCH = 10_000
+_MAX_BATCH_STEPS = 10_000
+"""Maximum number of steps in a batch."""
 
 R = TypeVar("R", bound=Request)
 
@@ -38,20 +39,27 @@ class Loop:
     Attributes:
         simulation: The model and its state.
         scheduler: Timers and waiting requests.
-        steppers: What must run before every step.
-        inbox: Where other threads post calls.
+        steppers: Objects that are updated before every step.
+        inbox: The queue to which other threads post calls.
         pacer: Wall-clock pacing.
-        goals: Steps to take, at full speed, while paused.
-        lockstep: What simulated time waits for. While it is not empty, no step is taken, and requests are served.
-        paused: Whether simulated time stands still.
-        on_reset: Called after every reset, when all steppers have been told.
-        on_stepped: Called whenever steps asked for while paused have been taken.
-        on_idle: Called at once when `run` finds itself paused, and then about once a second of wall time while paused.
-        on_second: Called with the wall time [s] about once a second of it, paused or not, at any speed.
-        recovery: What follows a divergence.
-        timing: How long steps take and how late they are.
-        failure: The error that ended `run`, if one did.
-        last_step: `run` ends when this step has been taken; at first the last one whose time fits into a message.
+        goals: Steps that `step_simulation` requests while paused; they are taken at full speed.
+        lockstep: Tokens of workers that must finish a job first. While it is not empty, no step is taken, but requests
+            are served.
+        paused: Whether the simulation is paused.
+        on_reset: Called after every reset, after `on_reset` of all steppers.
+        on_stepped: Called after the steps of a goal were taken.
+        on_idle: Called as soon as `run` is paused, and then about once a second of wall time while paused.
+        on_second: Called with the wall time [s] about once a second of wall time, paused or not, at any speed.
+        recovery: The divergence policy and its log lines.
+        timing: Measured duration and lateness of steps.
+        failure: The error that ended `run`; None if there was none.
+        last_step: `run` ends after this step. The default is the last step whose time fits into a ROS message.
+
+    Args:
+        simulation: The model and its state.
+        speed: Real-time factor, or `max` for no pacing.
+        paused: Whether the simulation starts paused.
+        on_divergence: `sim.on_divergence`.
     """
 
     def __init__(
@@ -71,12 +79,12 @@ class Loop:
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
-        self.on_second: list[Callable[[float], None]] = [self.recovery.report_held, self.inbox.report]
+        self.on_second: list[Callable[[float], None]] = [self.recovery.report_suppressed, self.inbox.report]
         self.timing = Timing()
         self.goals = StepGoals()
         self.lockstep: set[object] = set()
         self.failure: MjplugError | None = None
-        self._end_of_time = simulation.time.steps_covering(LONGEST_TIME * 1_000_000_000 + 1) - 1
+        self._end_of_time = simulation.time.steps_covering(MAX_SIMULATED_TIME * 1_000_000_000 + 1) - 1
         self.last_step = self._end_of_time
         self._stopping = False
         self._batch = 1
@@ -89,9 +97,12 @@ class Loop:
         return self._stopping
 
     def serve(self, request: R, handler: Callable[[Message, R], Message | Slow], owner: object = None) -> None:
-        """Runs a service handler for one request and sends its answer, at once or when the handler's waits are over.
+        """Runs a service handler for one request and sends the response, at once or after the handler's waits.
 
-        `scheduler.cancel(reason, owner)` ends the waiting requests of an owner.
+        Args:
+            request: The request to answer.
+            handler: Returns the response, or a generator that yields its waits and returns the response.
+            owner: `scheduler.cancel(reason, owner)` ends the waiting requests of this owner.
         """
         try:
             result = handler(request.request, request)
@@ -112,20 +123,20 @@ class Loop:
         self.paused = True
 
     def resume(self) -> None:
-        """Lets simulated time run; step goals that are under way are given up."""
-        self.goals.give_up("interrupted: the simulation was resumed")
+        """Resumes simulated time; cancels all step goals."""
+        self.goals.cancel("interrupted: the simulation was resumed")
         self.paused = False
         self._anchor()
 
     def set_speed(self, speed: Speed) -> None:
-        """Changes the real-time factor from now on; lag so far is forgotten."""
+        """Changes the real-time factor from now on, and discards the current lag."""
         self.pacer.speed = speed
         self._anchor()
 
     def reset(self, reset: Reset) -> None:
-        """Resets the world; every request that waits is answered with a failure, and every stepper is told."""
+        """Resets the world, refuses every waiting request, and calls `on_reset` of every stepper."""
         reset.apply(self.simulation)
-        self.goals.give_up("cancelled: the world was reset")
+        self.goals.cancel("cancelled: the world was reset")
         self.scheduler.cancel("cancelled: the world was reset")
         self.steppers.on_reset()
         self.scheduler.rephase(self.simulation.step)
@@ -138,34 +149,35 @@ class Loop:
         self._stopping = True
 
     def fail(self, error: MjplugError) -> None:
-        """Ends `run` because of an error, which stays in `failure`."""
+        """Ends `run` because of an error; `failure` keeps the first one."""
         self.failure = self.failure or error
         self.stop()
 
     def step(self, steps: int = 1) -> None:
-        """Takes steps at full speed, paused or not, with everything due; ends early when stopped or diverged.
+        """Takes steps at full speed, paused or not, and runs everything that is due.
 
-        Between them it waits for what is in `lockstep`; after the last one it does not.
+        Returns early after `stop` or a divergence. Between steps it waits until `lockstep` is empty, but not after the
+        last step.
         """
         self._poll()
         target = self.simulation.step + steps
         while self.simulation.step < target and not self._stopping:
             if self.lockstep:
-                self._wait(SECOND)
+                self._wait(WALL_TIMER_PERIOD)
                 self._run_due()
             elif not self._advance(target):
                 return
 
     def run(self) -> None:
-        """Runs until stopped, paced by the wall clock; may be called again to go on."""
+        """Runs until stopped, paced by the wall clock. May be called again to continue."""
         self._stopping = self.failure is not None
         self._anchor()
         while not self._stopping:
             self.turn()
-        self.recovery.report_held(perf_counter(), at_the_end=True)
+        self.recovery.report_suppressed(perf_counter(), final=True)
 
     def turn(self) -> None:
-        """Does what is to be done now, or waits for the next step's deadline or a posted call, whichever is first."""
+        """Runs what is due; if nothing is, waits for the deadline of the next step or for a posted call."""
         polled = self._poll()
         step = self.simulation.step
         if self._stopping:
@@ -194,15 +206,15 @@ class Loop:
 
     def _second(self, now: float) -> float:
         """Calls `on_second`; returns the wall time afterwards [s]."""
-        self._second_at = now + SECOND
+        self._second_at = now + WALL_TIMER_PERIOD
         for callback in self.on_second:
             callback(now)
         return perf_counter()
 
     def _idle(self, now: float) -> None:
-        """Waits for a posted call while paused, and now and then calls `on_idle`."""
+        """Waits for a posted call while paused, and calls `on_idle` when its period is over."""
         if now >= self._idle_at:
-            self._idle_at = now + SECOND
+            self._idle_at = now + WALL_TIMER_PERIOD
             for callback in self.on_idle:
                 callback()
         self._wait(min(self._idle_at, self._second_at) - now)
@@ -213,10 +225,10 @@ class Loop:
         self.simulation.positions_changed()
 
     def _poll(self) -> bool:
-        """Runs posted calls, and what they made due at this very boundary; returns whether there were any."""
+        """Runs posted calls, then everything due at this boundary; returns whether there were posted calls."""
         posted = not self.inbox.empty()
         if posted:
-            self.inbox.drain(BATCH_SECONDS)
+            self.inbox.drain(MAX_BATCH_TIME)
             self.simulation.positions_changed()
         self._run_due()
         return posted
@@ -227,10 +239,10 @@ class Loop:
             self.scheduler.run_due(step)
             self.simulation.positions_changed()
         if self.lockstep:
-            # This boundary is not over yet; who asked for its step is answered when it is.
+            # A lockstep worker still works on this boundary; goals that end here are answered afterwards.
             return
         if self.goals and self.goals.next_target <= step:
-            # Before the answer, so that a client that has it has the new time too.
+            # Before the response, so that a client that gets it already has the new time.
             for callback in self.on_stepped:
                 callback()
             self.goals.end_reached(step)
@@ -244,13 +256,13 @@ class Loop:
         else:
             self.fail(
                 MjplugError(
-                    f"simulated time has reached {LONGEST_TIME} s, the end of what ROS messages can carry; "
-                    "start the server again"
+                    f"simulated time has reached {MAX_SIMULATED_TIME} s, the maximum of a ROS time stamp; "
+                    "restart the server"
                 )
             )
 
     def _advance(self, target: int) -> bool:
-        """Takes at most one batch of steps towards `target`; False: a divergence forbids to go on."""
+        """Takes at most one batch of steps towards `target`; returns False if a divergence stops the simulation."""
         simulation, began = self.simulation, perf_counter()
         first, target = simulation.step, min(target, self.last_step)
         if self.steppers.active:
@@ -265,16 +277,16 @@ class Loop:
             per_step = elapsed / taken
             self.timing.busy += elapsed
             self.timing.step_times.append(per_step)
-            self._batch = max(1, min(_LARGEST_BATCH, int(BATCH_SECONDS / per_step), 2 * self._batch))
+            self._batch = max(1, min(_MAX_BATCH_STEPS, int(MAX_BATCH_TIME / per_step), 2 * self._batch))
         if divergence is not None and not self._recover(divergence):
             return False
         self._run_due()
         return True
 
     def _step_actively(self, target: int) -> Divergence | None:
-        """Takes steps with updates before each, until `target`, a due step or a posted call.
+        """Updates the steppers and takes a step, until `target`, a due step or a posted call.
 
-        Calls that were left over because they come in too fast do not end it: then steps get as much time as calls.
+        If the last drain left calls in the inbox, posted calls do not end it, so that steps get as much time as calls.
         """
         simulation, steppers, scheduler, nothing_posted = (
             self.simulation,
@@ -284,7 +296,7 @@ class Loop:
         )
         overfull = self.inbox.overfull
         while True:
-            # Before the updates, so that a bad velocity override is undone too.
+            # Before the updates, so that an invalid velocity override is undone too.
             simulation.checkpoint()
             steppers.update()
             if self._stopping:
@@ -301,7 +313,7 @@ class Loop:
         self.pacer.anchor(self.simulation.step, perf_counter())
 
     def _recover(self, divergence: Divergence) -> bool:
-        """Follows the divergence policy; returns whether stepping may go on."""
+        """Applies the divergence policy; returns whether stepping continues."""
         recovery = self.recovery
         consequence = recovery.decide(divergence, self.simulation, perf_counter())
         if consequence == "reset":
@@ -310,6 +322,6 @@ class Loop:
         if consequence == "stop":
             self.fail(MjplugError(f"{recovery.last}; the server stops (sim.on_divergence: stop)"))
         else:
-            self.goals.give_up(recovery.last)
+            self.goals.cancel(recovery.last)
             self.pause()
         return False

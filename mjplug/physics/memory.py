@@ -1,4 +1,4 @@
-"""Plain bytes of MuJoCo's arrays: for a few numbers at every step, memoryviews cost a third of what numpy does."""
+"""Memoryviews of MuJoCo's arrays. For a few numbers at every step, they take a third of numpy's time."""
 
 import ctypes
 from collections.abc import Iterable
@@ -7,22 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_GAP = 256
-"""MuJoCo aligns its arrays, so that neighbours lie a little apart; to copy that too is cheaper than to copy twice
-[bytes]."""
+_MAX_GAP = 256
+"""Maximum gap between two arrays that are copied in one piece [bytes]. MuJoCo aligns its arrays, which leaves small
+gaps between them; copying a gap costs less than a second copy."""
 
 
 def float_view(array: NDArray[np.float64]) -> "memoryview[float]":
-    """Returns a flat, writable view of the floats of a contiguous array."""
+    """Returns a flat, writable view of shape (array.size,) of a contiguous array."""
     return array.data.cast("B").cast("d")
 
 
-class Cleared:
-    """Arrays that are set to zero again and again."""
+class ZeroedArrays:
+    """Arrays that are set to zero repeatedly.
+
+    Args:
+        arrays: Contiguous arrays of any shape. They must not be reallocated.
+    """
 
     def __init__(self, arrays: Iterable[NDArray[np.float64]]) -> None:
         views = [array.data.cast("B") for array in arrays if array.size]
-        # From view to view: assigning bytes takes twice as long.
+        # A memoryview, because assigning bytes takes twice as long.
         self._pairs = [(view, memoryview(bytes(len(view)))) for view in views]
 
     def clear(self) -> None:
@@ -31,14 +35,14 @@ class Cleared:
             view[:] = zeros
 
 
-class Saved:
-    """A copy of some arrays that can be put back.
+class SavedArrays:
+    """A copy of some arrays that can be restored.
 
-    Arrays that lie next to each other, as those of mjData's state do, are saved in one piece; only they themselves are
-    put back.
+    Arrays that are next to each other in memory, such as those of mjData's state, are copied in one piece. Restoring
+    writes the arrays only, not the gaps between them.
 
     Args:
-        arrays: Contiguous, and they must stay where they are.
+        arrays: Contiguous arrays of any shape. They must not be reallocated.
     """
 
     def __init__(self, arrays: Iterable[NDArray[Any]]) -> None:
@@ -47,29 +51,29 @@ class Saved:
         self._restores: list[tuple[memoryview[int], memoryview[int]]] = []
         for run in _runs(self._arrays):
             begin, end = run[0].ctypes.data, run[-1].ctypes.data + run[-1].nbytes
-            there = memoryview((ctypes.c_ubyte * (end - begin)).from_address(begin)).cast("B")
-            copy = memoryview(bytearray(there))
-            self._saves.append((there, copy))
+            original = memoryview((ctypes.c_ubyte * (end - begin)).from_address(begin)).cast("B")
+            copy = memoryview(bytearray(original))
+            self._saves.append((original, copy))
             for array in run:
                 at = array.ctypes.data - begin
                 self._restores.append((array.data.cast("B"), copy[at : at + array.nbytes]))
 
     def save(self) -> None:
-        """Copies the arrays as they are now."""
-        for there, copy in self._saves:
-            copy[:] = there
+        """Copies the current values of the arrays."""
+        for original, copy in self._saves:
+            copy[:] = original
 
     def restore(self) -> None:
-        """Puts the copy back."""
+        """Writes the copied values to the arrays."""
         for view, copy in self._restores:
             view[:] = copy
 
 
 def _runs(arrays: Iterable[NDArray[Any]]) -> list[list[NDArray[Any]]]:
-    """Returns arrays, sorted by where they lie, in groups of neighbours."""
+    """Groups arrays that are neighbours in memory; `arrays` must be sorted by address."""
     runs: list[list[NDArray[Any]]] = []
     for array in arrays:
-        near = runs and array.ctypes.data - (runs[-1][-1].ctypes.data + runs[-1][-1].nbytes) <= _GAP
+        near = runs and array.ctypes.data - (runs[-1][-1].ctypes.data + runs[-1][-1].nbytes) <= _MAX_GAP
         if near:
             runs[-1].append(array)
         else:

@@ -1,4 +1,4 @@
-"""Keeps simulated time in step with the wall clock, by absolute deadlines."""
+"""Paces simulated time by the wall clock, with absolute deadlines."""
 
 import logging
 from typing import Literal
@@ -6,17 +6,17 @@ from typing import Literal
 from mjplug.physics.step_time import StepTime
 from mjplug.throttle import Throttle
 
-LARGEST_LAG = 0.1
-"""Lag [s of wall time] that is caught up; what is beyond it is dropped."""
+MAX_LAG = 0.1
+"""Maximum lag that is caught up [s of wall time]; lag beyond it is dropped."""
 
-WAKE_EVERY = 0.001
-"""Wall time [s] below which steps are not woken up for one by one."""
+MIN_WAKE_INTERVAL = 0.001
+"""Minimum wall time between two wake-ups of the loop for steps alone [s]; shorter steps are taken in groups."""
 
-STOPPED = 2.0
-"""Lag dropped in one go [s] that means that the process did not run, rather than that steps take too long."""
+MIN_STALL = 2.0
+"""Minimum lag dropped at once that is reported as a stall of the process instead of slow steps [s]."""
 
-REPORT_SECONDS = 10.0
-"""Wall time between two log lines about lag [s]."""
+REPORT_INTERVAL = 10.0
+"""Minimum wall time between two log lines about lag [s]."""
 
 _log = logging.getLogger(__name__)
 
@@ -24,19 +24,19 @@ Speed = float | Literal["max"]
 
 
 class Pacer:
-    """Says which step is due at which wall time.
+    """Computes which step is due at which wall time.
 
-    Deadlines count from an anchor, so errors never add up; the anchor moves only when the speed changes, on a pause,
-    and when the simulation cannot keep up.
+    Deadlines count from an anchor, so rounding errors do not accumulate. The anchor moves only when the speed changes,
+    after a pause or a reset, and when lag is dropped.
 
     Attributes:
         speed: Real-time factor, or `max` for no pacing.
-        dropped: Lag dropped since the start [s of wall time].
+        dropped: Total lag dropped since the start [s of wall time].
         drops: How often lag was dropped.
 
     Args:
-        time: Step length.
-        speed: Real-time factor from `limits.SLOWEST` to `limits.FASTEST`, or `max`.
+        time: Conversion between steps and simulated time.
+        speed: Real-time factor from `limits.MIN_SPEED` to `limits.MAX_SPEED`, or `max`.
     """
 
     def __init__(self, time: StepTime, speed: Speed) -> None:
@@ -46,7 +46,7 @@ class Pacer:
         self._timestep = float(time.timestep)
         self._anchor_step = 0
         self._anchor = 0.0
-        self._too_slow, self._did_not_run = Throttle(REPORT_SECONDS), Throttle(REPORT_SECONDS)
+        self._too_slow, self._did_not_run = Throttle(REPORT_INTERVAL), Throttle(REPORT_INTERVAL)
 
     @property
     def period(self) -> float:
@@ -55,8 +55,8 @@ class Pacer:
 
     @property
     def steps_per_wake(self) -> int:
-        """How many steps to let fall due before waking up for them, where nothing else is due: about 1 ms."""
-        return max(1, int(WAKE_EVERY / self.period))
+        """Number of steps in about `MIN_WAKE_INTERVAL`. If nothing else is due, the loop wakes up once for all."""
+        return max(1, int(MIN_WAKE_INTERVAL / self.period))
 
     def anchor(self, step: int, now: float) -> None:
         """Makes `step` due at the wall time `now` [s]."""
@@ -67,14 +67,14 @@ class Pacer:
         return self._anchor + (step - self._anchor_step) * self.period
 
     def due(self, step: int, now: float) -> int:
-        """Returns the step that is due at the wall time `now`; drops and reports lag that is too large.
+        """Returns the step that is due at the wall time `now`; drops and reports lag beyond `MAX_LAG`.
 
         Args:
-            step: The step reached so far.
+            step: Steps taken so far.
             now: Wall time [s].
         """
         lag = now - self.deadline(step)
-        excess = lag - LARGEST_LAG - self.period
+        excess = lag - MAX_LAG - self.period
         if excess > 0.0:
             self.dropped += excess
             self.drops += 1
@@ -84,13 +84,13 @@ class Pacer:
         return step + max(0, int(lag / self.period + 1e-6))
 
     def _report(self, now: float, excess: float) -> None:
-        if excess >= STOPPED:
+        if excess >= MIN_STALL:
             if self._did_not_run.admit(now):
                 _log.warning(
-                    "no step was taken for %.1f s of wall time, as when the process is stopped, the machine sleeps "
-                    "or one call takes that long; simulated time goes on from where it was%s",
+                    "no step was taken for %.1f s of wall time: the process was stopped, the machine was suspended, "
+                    "or one call blocked the physics thread; simulated time continues where it was%s",
                     excess,
-                    self._did_not_run.held(),
+                    self._did_not_run.suppressed(),
                 )
         elif self._too_slow.admit(now):
             _log.warning(

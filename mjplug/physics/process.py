@@ -1,4 +1,4 @@
-"""Settings of process and thread that keep steps on time; each degrades quietly where the platform lacks it."""
+"""Settings of process and thread that keep steps on time. Each is skipped where the platform does not support it."""
 
 import contextlib
 import ctypes
@@ -22,13 +22,13 @@ from mjplug.shared_change import SharedChange, Undo
 from mjplug.throttle import Throttle
 
 SWITCH_INTERVAL = 1e-4
-"""How long [s] another thread may keep the GIL from the physics thread; Python's 5 ms are many steps."""
+"""Maximum time for which another thread keeps the GIL [s]; Python's default of 5 ms is as long as several steps."""
 
 SLICE_NS = 100_000
-"""Scheduler slice of the physics thread [ns]; Linux 6.12 and later run a thread with a short one soon."""
+"""Scheduler slice of the physics thread [ns]; Linux 6.12 and later schedule a thread with a short slice sooner."""
 
-WARNING_SECONDS = 10.0
-"""Wall time between two log lines with the same kind of warning from MuJoCo [s]."""
+WARNING_INTERVAL = 10.0
+"""Minimum wall time between two log lines with the same kind of MuJoCo warning [s]."""
 
 _DIGIT = re.compile(r"\d")
 _PR_SET_TIMERSLACK = 29
@@ -37,23 +37,23 @@ _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 _log = logging.getLogger(__name__)
 
 
-def tame_mujoco() -> None:
-    """Routes MuJoCo's warnings to our log for the rest of the process; see `mujoco_tamed`."""
+def configure_mujoco() -> None:
+    """Sends MuJoCo's warnings to the log for the rest of the process; see `mujoco_configured`."""
     _MUJOCO.hold()
 
 
-def mujoco_tamed() -> AbstractContextManager[None]:
-    """Routes MuJoCo's warnings to our log until the end of the block.
+def mujoco_configured() -> AbstractContextManager[None]:
+    """Sends MuJoCo's warnings to the log until the end of the block, instead of the console and MUJOCO_LOG.TXT.
 
-    They go neither to the console nor to MUJOCO_LOG.TXT. MuJoCo has one warning function for all threads of a process:
-    the warnings of a thread that works for no server go to the function that was set before, if there was one.
+    MuJoCo uses one warning function for all threads of a process. Warnings of a thread that belongs to no server are
+    passed to the function that was set before, if any.
 
-    MuJoCo's timer callback is removed meanwhile. It costs 0.75 µs a step; without it, `mjData.timer` stays zero.
+    MuJoCo's timer callback is removed during the block. It costs 0.75 µs a step; without it, `mjData.timer` stays zero.
     """
     return _MUJOCO.held()
 
 
-def _tame_mujoco() -> Undo:
+def _configure_mujoco() -> Undo:
     logged, warned = mujoco.MjLogConfig.get(), mujoco.get_mju_user_warning()
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
@@ -73,16 +73,17 @@ def _tame_mujoco() -> Undo:
     return undo
 
 
-_MUJOCO = SharedChange(_tame_mujoco)
+_MUJOCO = SharedChange(_configure_mujoco)
 
 
 def _throttled_warnings(others: Callable[[str], None] | None) -> Callable[[str], None]:
-    """Returns what logs MuJoCo's warnings, each kind of each server at most once in `WARNING_SECONDS`.
+    """Returns a function that logs MuJoCo's warnings, each kind of each server at most once in `WARNING_INTERVAL`.
 
-    MuJoCo warns once of each kind until it is told to forget, as after each divergence, which clients can repeat.
+    MuJoCo gives each kind of warning once until its counter is reset. The counters are reset after each divergence,
+    which clients can cause repeatedly.
 
     Args:
-        others: Gets the warnings of threads that work for no server; None logs them too.
+        others: Called with the warnings of threads that belong to no server; if None, these are logged too.
     """
     of_scope: WeakKeyDictionary[object, dict[str, Throttle]] = WeakKeyDictionary()
     of_no_scope: dict[str, Throttle] = {}
@@ -94,15 +95,15 @@ def _throttled_warnings(others: Callable[[str], None] | None) -> Callable[[str],
             return
         throttles = of_no_scope if scope is None else of_scope.setdefault(scope, {})
         # Warnings of one kind differ in their numbers.
-        throttle = throttles.setdefault(_DIGIT.split(text, maxsplit=1)[0], Throttle(WARNING_SECONDS))
+        throttle = throttles.setdefault(_DIGIT.split(text, maxsplit=1)[0], Throttle(WARNING_INTERVAL))
         if throttle.admit(monotonic()):
-            _log.warning("MuJoCo: %s%s", text, throttle.held())
+            _log.warning("MuJoCo: %s%s", text, throttle.suppressed())
 
     return warn
 
 
 def clear_timer_callback() -> bool:
-    """Removes the timer of `mjData.timer`, which costs 0.75 µs a step; returns whether it is gone."""
+    """Removes the callback for `mjData.timer`, which costs 0.75 µs a step; returns whether it was removed."""
     timer = _timer_callback()
     if timer is None:
         return False
@@ -111,9 +112,9 @@ def clear_timer_callback() -> bool:
 
 
 def _timer_callback() -> ctypes.c_void_p | None:
-    """Returns MuJoCo's variable `mjcb_time`; None where it cannot be found."""
+    """Returns MuJoCo's variable `mjcb_time`; None if it is not found."""
     try:
-        # The extension module has loaded libmujoco already, so the symbol is there without opening a file.
+        # The extension module has already loaded libmujoco, so this opens no further library.
         maps = Path("/proc/self/maps").read_text(encoding="utf-8")
         name = next(line.split()[-1] for line in maps.splitlines() if "libmujoco" in line)
         return ctypes.c_void_p.in_dll(ctypes.CDLL(name), "mjcb_time")
@@ -121,25 +122,25 @@ def _timer_callback() -> ctypes.c_void_p | None:
         return None
 
 
-def quick_switching() -> AbstractContextManager[None]:
-    """Lets threads change quickly until the end of the block."""
-    return _QUICK_SWITCHING.held()
+def fast_thread_switching() -> AbstractContextManager[None]:
+    """Shortens the interval in which Python switches threads, until the end of the block."""
+    return _FAST_THREAD_SWITCHING.held()
 
 
-def _switch_quickly() -> Undo:
+def _set_switch_interval() -> Undo:
     before = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_INTERVAL)
     return lambda: sys.setswitchinterval(before)
 
 
-_QUICK_SWITCHING = SharedChange(_switch_quickly)
+_FAST_THREAD_SWITCHING = SharedChange(_set_switch_interval)
 
 
 @contextlib.contextmanager
 def frozen_garbage() -> Iterator[None]:
-    """Keeps the garbage collector off what was loaded before, until the end of the block.
+    """Excludes all existing objects from garbage collection until the end of the block.
 
-    For a process that does nothing but serve: objects of others would be kept too.
+    Use it only in a process that runs nothing but a server, because it affects all objects of the process.
     """
     gc.collect()
     gc.freeze()
@@ -150,13 +151,13 @@ def frozen_garbage() -> Iterator[None]:
 
 
 def prefer_this_thread() -> dict[str, bool]:
-    """Asks the kernel to wake the calling thread promptly; returns which measures hold."""
+    """Asks the kernel to wake the calling thread promptly; returns whether each setting took effect, by name."""
     return {"scheduler slice": _try(_set_slice), "timer slack": _try(_set_timer_slack)}
 
 
-def _try(measure: Callable[[], None]) -> bool:
+def _try(setting: Callable[[], None]) -> bool:
     try:
-        measure()
+        setting()
     except (OSError, AttributeError, KeyError, TypeError):
         # On Windows, `os.getpriority` is missing and `CDLL(None)` is a TypeError.
         return False
@@ -171,7 +172,7 @@ def _set_slice() -> None:
     # struct sched_attr: u32 size, u32 policy, u64 flags, s32 nice, u32 priority, u64 runtime, u64 deadline, u64 period.
     attributes = struct.pack("=IIQiIQQQ", 48, 0, 0, os.getpriority(os.PRIO_PROCESS, 0), 0, SLICE_NS, 0, 0)
     if sys.platform != "linux":
-        raise OSError("only Linux has sched_setattr")
+        raise OSError("sched_setattr is available on Linux only")
     number = _SCHED_SETATTR[platform.machine()]
     _check(ctypes.CDLL(None, use_errno=True).syscall(number, 0, attributes, 0))
 

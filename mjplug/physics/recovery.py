@@ -1,4 +1,4 @@
-"""What follows a divergence: the policy, how often it happened, and what the log gets of it."""
+"""The divergence policy, and the log lines about divergences."""
 
 import logging
 from dataclasses import dataclass
@@ -9,36 +9,41 @@ from mjplug.physics.simulation import Simulation
 
 OnDivergence = Literal["pause", "reset", "stop"]
 
-STEPS_TO_RECOVER = 10
-"""A world that diverges again within so many steps after a reset would be reset for ever; it is paused instead."""
+MIN_STEPS_BETWEEN_RESETS = 10
+"""If the simulation diverges again within this many steps after an automatic reset, it is paused instead of reset."""
 
-REPORT_SECONDS = 1.0
-"""Wall time between two log lines about divergences that had the same consequence [s]."""
+REPORT_INTERVAL = 1.0
+"""Minimum wall time between two log lines about divergences with the same consequence [s]."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
 class _Lines:
-    """The log lines about one consequence: from when on there may be another, and how many were held back."""
+    """Limits the log lines about one consequence.
 
-    quiet_until: float = float("-inf")
-    held: int = 0
+    Attributes:
+        next_line_at: Wall time before which no further line is logged [s].
+        suppressed: Lines suppressed since the last one.
+    """
+
+    next_line_at: float = float("-inf")
+    suppressed: int = 0
 
     @property
     def times(self) -> str:
-        return "once" if self.held == 1 else f"{self.held} times"
+        return "once" if self.suppressed == 1 else f"{self.suppressed} times"
 
-    def told(self, now: float) -> None:
-        self.quiet_until, self.held = now + REPORT_SECONDS, 0
+    def logged(self, now: float) -> None:
+        self.next_line_at, self.suppressed = now + REPORT_INTERVAL, 0
 
 
 class Recovery:
-    """Decides what follows a divergence, and tells the log, which a world that diverges all the time must not fill.
+    """Chooses the consequence of a divergence and logs it, at a limited rate.
 
     Attributes:
         count: Divergences since the start.
-        last: What the latest one was, and when; empty if there was none.
+        last: Sentence about the latest divergence; empty if there was none.
 
     Args:
         policy: `sim.on_divergence`.
@@ -48,56 +53,62 @@ class Recovery:
         self.count = 0
         self.last = ""
         self._policy = policy
-        self._reset_at = -STEPS_TO_RECOVER
-        self._stuck_at: tuple[int, int] | None = None
+        self._reset_at = -MIN_STEPS_BETWEEN_RESETS
+        self._diverged_at: tuple[int, int] | None = None
         self._lines: dict[OnDivergence, _Lines] = {}
 
     def decide(self, divergence: Divergence, simulation: Simulation, now: float) -> OnDivergence:
-        """Counts a divergence and returns what is to be done about it.
+        """Counts a divergence and returns its consequence.
 
         Args:
-            divergence: What diverged.
-            simulation: In the state before the step that went wrong.
+            divergence: The divergence.
+            simulation: The simulation, in the state before the step that diverged.
             now: Wall time [s].
         """
         step = simulation.step
         self.count += 1
         self.last = f"the simulation diverged in step {step + 1} (t = {simulation.time_ns / 1e9:.6f} s): {divergence}"
-        if self._policy == "reset" and step - self._reset_at >= STEPS_TO_RECOVER:
+        if self._policy == "reset" and step - self._reset_at >= MIN_STEPS_BETWEEN_RESETS:
             self._reset_at = step
-            self._say("reset", now, f"{self.last}; the world is reset (sim.on_divergence: reset)")
+            self._report("reset", now, f"{self.last}; the world is reset (sim.on_divergence: reset)")
             return "reset"
-        self._stuck_at = step, simulation.epoch
+        self._diverged_at = step, simulation.epoch
         if self._policy == "stop":
             return "stop"
-        why = "again so soon after a reset" if self._policy == "reset" else "sim.on_divergence: pause"
-        repair = ("the state before that step is bad already: reset the world",) if divergence.in_state else ()
-        self._say("pause", now, f"{self.last}; paused before that step ({why})", *repair)
+        why = (
+            f"less than {MIN_STEPS_BETWEEN_RESETS} steps after a reset"
+            if self._policy == "reset"
+            else "sim.on_divergence: pause"
+        )
+        remedy = ("the state before that step is already invalid; reset the world",) if divergence.in_state else ()
+        self._report("pause", now, f"{self.last}; paused before that step ({why})", *remedy)
         return "pause"
 
-    def stuck(self, simulation: Simulation) -> bool:
-        """Returns whether the world still stands right before a step that diverged."""
-        return self._stuck_at == (simulation.step, simulation.epoch)
+    def before_diverged_step(self, simulation: Simulation) -> bool:
+        """Returns whether the next step is the one that diverged last."""
+        return self._diverged_at == (simulation.step, simulation.epoch)
 
-    def report_held(self, now: float, at_the_end: bool = False) -> None:
-        """Logs how many lines were held back, unless there was one a moment ago.
+    def report_suppressed(self, now: float, final: bool = False) -> None:
+        """Logs how many divergences were not logged, at most once in `REPORT_INTERVAL`.
 
         Args:
             now: Wall time [s].
-            at_the_end: Whether there may be no later, so that it is said now.
+            final: Whether this is the last call, so that they are logged without waiting for the interval.
         """
         for consequence, lines in self._lines.items():
-            if lines.held and (at_the_end or now >= lines.quiet_until):
-                _log.error("diverged %s more (followed by: %s); the latest: %s", lines.times, consequence, self.last)
-                lines.told(now)
+            if lines.suppressed and (final or now >= lines.next_line_at):
+                _log.error(
+                    "the simulation diverged %s more (consequence: %s); latest: %s", lines.times, consequence, self.last
+                )
+                lines.logged(now)
 
-    def _say(self, consequence: OnDivergence, now: float, *sentences: str) -> None:
+    def _report(self, consequence: OnDivergence, now: float, *sentences: str) -> None:
         lines = self._lines.setdefault(consequence, _Lines())
-        if now < lines.quiet_until:
-            lines.held += 1
+        if now < lines.next_line_at:
+            lines.suppressed += 1
             return
         first, *others = sentences
-        _log.error("%s%s", first, f"; it diverged {lines.times} more since the line before" if lines.held else "")
+        _log.error("%s%s", first, f"; it diverged {lines.times} more since the last line" if lines.suppressed else "")
         for sentence in others:
             _log.error("%s", sentence)
-        lines.told(now)
+        lines.logged(now)

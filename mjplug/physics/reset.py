@@ -1,4 +1,4 @@
-"""Resets the world: a keyframe or the initial state, then overrides of joints and free bodies."""
+"""Resets the world to a keyframe or the initial state, then applies overrides of joints and free bodies."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,13 @@ from mjplug.physics.simulation import Simulation
 
 @dataclass(frozen=True, slots=True)
 class JointOverride:
-    """Position and velocity of a hinge [rad, rad/s] or slide [m, m/s] joint; None leaves what the reset gave."""
+    """Target state of a hinge or slide joint; None keeps the value of the keyframe or initial state.
+
+    Attributes:
+        joint: The joint's id.
+        position: Position, [rad] for a hinge, [m] for a slide.
+        velocity: Velocity, [rad/s] for a hinge, [m/s] for a slide.
+    """
 
     joint: int
     position: float | None
@@ -18,12 +24,13 @@ class JointOverride:
 
 @dataclass(frozen=True, slots=True)
 class Reset:
-    """A valid reset. The default is the initial state.
+    """A validated reset. The default resets to the initial state.
 
     Attributes:
-        keyframe: Id of the keyframe to go to; None is the initial state.
+        keyframe: Id of the keyframe; None means the initial state.
         joints: Joint overrides.
-        free_joints: Free bodies to place, after the joint overrides; their frames mean the poses after those.
+        free_joints: Targets of free bodies, applied after the joint overrides. Their frames are the body poses after
+            the joint overrides.
     """
 
     keyframe: int | None = None
@@ -31,7 +38,7 @@ class Reset:
     free_joints: list[FreeJointTarget] = field(default_factory=list)
 
     def apply(self, simulation: Simulation) -> None:
-        """Puts the state back and brings everything derived from it up to date; simulated time goes on."""
+        """Sets the state and updates all derived quantities; simulated time does not change."""
         simulation.restore(self.keyframe)
         model, data = simulation.model, simulation.data
         for override in self.joints:

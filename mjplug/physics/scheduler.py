@@ -1,4 +1,4 @@
-"""What happens at which step: timers, and requests that wait. Physics thread only."""
+"""Schedules timers and waiting requests by step number. Physics thread only."""
 
 import heapq
 import itertools
@@ -14,28 +14,33 @@ from mjplug_schemas.message import Message
 NEVER = 1 << 62
 """A step number that is never reached."""
 
-MOST_REACHED_WAITS = 10_000
-"""Waits in a row that were over when they were yielded, after which a request is ended: it would hold up the loop."""
+MAX_PAST_WAITS = 10_000
+"""Maximum number of waits in a row that are over when they are yielded; then the request is ended, because it would
+block the loop."""
 
 _log = logging.getLogger(__name__)
 
 
 class Event:
-    """Something a waiting request can wait for, besides a step number."""
+    """An event that a service handler can wait for, instead of a step number.
+
+    Attributes:
+        is_set: Whether the event is set.
+    """
 
     def __init__(self) -> None:
         self._waiting: list[Callable[[], None]] = []
         self.is_set = False
 
     def set(self) -> None:
-        """Lets everything that waits for the event go on; later waits do not block."""
+        """Sets the event and resumes everything that waits for it; later waits do not block."""
         self.is_set = True
         waiting, self._waiting = self._waiting, []
         for resume in waiting:
             resume()
 
     def when_set(self, resume: Callable[[], None]) -> None:
-        """Calls `resume` when the event is set, at once if it is already."""
+        """Calls `resume` when the event is set; at once if it already is."""
         if self.is_set:
             resume()
         else:
@@ -43,20 +48,20 @@ class Event:
 
 
 Wait = int | Event
-"""What a slow service yields: the step number, or the event, at which it goes on; at once if that is past."""
+"""What a slow service yields: the step number or the event at which it resumes; at once if that is past."""
 
 Slow = Generator[Wait, None, Message]
-"""A service handler that takes simulated time: yields waits, returns the response."""
+"""A service handler that takes simulated time. It yields waits and returns the response."""
 
 
 class Answer(Protocol):
-    """Where the outcome of a waiting request goes."""
+    """Receives the outcome of a waiting request."""
 
     def respond(self, response: Message) -> None:
-        """Takes the response."""
+        """Sends the response."""
 
     def refuse(self, reason: str) -> None:
-        """Takes the reason why there is none."""
+        """Sends the reason why the request failed."""
 
 
 class Request(Answer, Protocol):
@@ -68,36 +73,42 @@ class Request(Answer, Protocol):
 
 
 class Timer:
-    """Calls back at a fixed rate of simulated time.
+    """Calls a function at a fixed rate of simulated time.
 
-    Firing k comes at the first step boundary at or after k periods, so the phase error stays below one step and the
-    mean rate is exact even where the period is no multiple of the time step.
+    Firing k is at the first step boundary at or after k periods. The phase error stays below one step, and the mean
+    rate is exact even if the period is not a multiple of the time step.
 
     Attributes:
         callback: Called at each firing.
-        wanted: Asked at each firing; if it returns False the timer sleeps, and costs nothing, until it is woken.
-        due: The step of the next firing.
+        while_true: Called before each firing; if it returns False, the timer sleeps until `Scheduler.wake`, at no cost.
+        due: Step number of the next firing.
         asleep: Whether the timer sleeps.
         cancelled: Whether the timer was cancelled.
+
+    Args:
+        period_steps: The period in steps, at least 1.
+        callback: Called at each firing.
+        while_true: See the attribute; None means always.
+        start: The step number from which the periods count.
     """
 
     def __init__(
-        self, period_steps: Fraction, callback: Callable[[], None], wanted: Callable[[], bool] | None, start: int
+        self, period_steps: Fraction, callback: Callable[[], None], while_true: Callable[[], bool] | None, start: int
     ) -> None:
         self.callback = callback
-        self.wanted = wanted
+        self.while_true = while_true
         self.asleep = False
         self.cancelled = False
         self._num, self._den = period_steps.numerator, period_steps.denominator
         self.rephase(start)
 
     def rephase(self, start: int) -> None:
-        """Counts the periods from the boundary `start` on."""
+        """Counts the periods from the step number `start` on."""
         self._start = start
         self.due_after(start)
 
     def due_after(self, step: int) -> None:
-        """Makes the first firing after `step` the next one, in the same phase."""
+        """Sets `due` to the first firing after `step`, in the same phase."""
         periods = (step - self._start) * self._den // self._num + 1
         self.due = self._start - (-periods * self._num // self._den)
 
@@ -107,11 +118,17 @@ class Timer:
 
 
 class WaitingCall:
-    """A service call that waits in the scheduler for its next step or event.
+    """A service call that waits in the scheduler for a step or an event.
 
     Attributes:
-        owner: Who may close it before its time.
-        done: Whether it has been answered.
+        owner: Key for `Scheduler.cancel`.
+        done: Whether the request has been answered.
+
+    Args:
+        generator: The service handler's generator.
+        answer: Receives the response or the refusal.
+        owner: Key for `Scheduler.cancel`.
+        failures: Logs exceptions of the handler.
     """
 
     def __init__(self, generator: Slow, answer: Answer, owner: object, failures: FailureLog) -> None:
@@ -122,12 +139,12 @@ class WaitingCall:
         self._answer = answer
 
     def resume(self) -> Wait | None:
-        """Runs to the next wait and returns it; None means that the request has been answered."""
+        """Runs the handler to its next wait and returns the wait; None if the request has been answered."""
         try:
             try:
                 wait: object = next(self._generator)
                 while not isinstance(wait, int | Event):
-                    # Thrown in where it was yielded, so that the handler's own `finally` runs.
+                    # Raised inside the handler, so that its `finally` blocks run.
                     wait = self._generator.throw(
                         TypeError(f"a service yields step numbers (int) or events, not {wait!r}")
                     )
@@ -145,7 +162,7 @@ class WaitingCall:
         return None
 
     def close(self, reason: str) -> None:
-        """Ends the request early: its `finally` blocks run, its client hears the reason."""
+        """Ends the request early: runs the handler's `finally` blocks and refuses the request with `reason`."""
         if self.done:
             return
         self.done = True
@@ -159,11 +176,11 @@ class WaitingCall:
 
 
 class Scheduler:
-    """Knows the next due step over all timers and waiting requests.
+    """Runs timers and waiting requests when their step is reached.
 
     Attributes:
         next_due: The earliest step at which something is due; NEVER if nothing is.
-        failures: Where failures of services are logged.
+        failures: Logs exceptions of service handlers.
 
     Args:
         now: Returns the number of steps taken so far.
@@ -180,7 +197,7 @@ class Scheduler:
 
     @property
     def waiting(self) -> int:
-        """How many requests wait."""
+        """Number of waiting requests."""
         return len(self._calls)
 
     def every(
@@ -188,38 +205,39 @@ class Scheduler:
         period_steps: Fraction,
         callback: Callable[[], None],
         start: int,
-        wanted: Callable[[], bool] | None = None,
+        while_true: Callable[[], bool] | None = None,
     ) -> Timer:
-        """Starts a timer.
+        """Starts a timer and returns it.
 
         Args:
             period_steps: The period in steps, positive, not necessarily whole; a period below one step fires at every
                 step.
             callback: Called at each firing.
-            start: The boundary from which the periods count.
-            wanted: If it returns False when the timer fires, the timer sleeps until `wake`.
+            start: The step number from which the periods count.
+            while_true: Called before each firing; if it returns False, the timer sleeps until `wake`. None means
+                always.
         """
-        timer = Timer(max(period_steps, Fraction(1)), callback, wanted, start)
+        timer = Timer(max(period_steps, Fraction(1)), callback, while_true, start)
         order = next(self._order)
         self._timers[timer] = order
         self._push_timer(order, timer)
         return timer
 
     def wake(self, timer: Timer, step: int) -> None:
-        """Lets a sleeping timer go on at `step`, in its old phase; a timer that does not sleep is left alone."""
+        """Resumes a sleeping timer after `step`, in its old phase; does nothing if the timer does not sleep."""
         if timer.asleep and not timer.cancelled:
             timer.asleep = False
             timer.due_after(step)
             self._push_timer(self._timers[timer], timer)
 
     def start(self, generator: Slow, answer: Answer, owner: object = None) -> None:
-        """Runs a slow service to its first wait and keeps it until it has answered."""
+        """Runs a slow service to its first wait, and resumes it at each wait until it has answered."""
         call = WaitingCall(generator, answer, owner, self.failures)
         self._calls[call] = None
         self._resume(call)
 
     def run_due(self, step: int) -> None:
-        """Calls everything that is due at the boundary after `step` steps, in order of due step, then of creation."""
+        """Runs everything that is due after `step` steps, ordered by due step, then by creation."""
         heap = self._heap
         while heap and heap[0][0] <= step:
             _, _, run = heapq.heappop(heap)
@@ -227,14 +245,14 @@ class Scheduler:
         self.next_due = heap[0][0] if heap else NEVER
 
     def cancel(self, reason: str, owner: object = None) -> None:
-        """Ends every waiting request, or those of one owner, with `reason`."""
+        """Refuses every waiting request with `reason`; if `owner` is given, only the requests of that owner."""
         for call in [call for call in self._calls if owner is None or call.owner is owner]:
-            # One that was closed before may have let this one end.
+            # Closing an earlier call may have ended this one.
             self._calls.pop(call, None)
             call.close(reason)
 
     def rephase(self, step: int) -> None:
-        """Restarts the phase of every timer at `step`, and forgets everything else that was due."""
+        """Restarts the phase of every timer at `step`, and removes everything else that was due."""
         self._heap.clear()
         self.next_due = NEVER
         for timer, order in self._timers.items():
@@ -250,7 +268,7 @@ class Scheduler:
         def fire(step: int) -> None:
             if timer.cancelled:
                 del self._timers[timer]
-            elif timer.wanted is not None and not timer.wanted():
+            elif timer.while_true is not None and not timer.while_true():
                 timer.asleep = True
             else:
                 timer.due_after(timer.due)
@@ -260,8 +278,8 @@ class Scheduler:
         self._push(timer.due, order, fire)
 
     def _resume(self, call: WaitingCall) -> None:
-        for _ in range(MOST_REACHED_WAITS):
-            # It may have been closed since it began to wait.
+        for _ in range(MAX_PAST_WAITS):
+            # The call may have been closed while it waited.
             wait = None if call.done else call.resume()
             if wait is None:
                 self._calls.pop(call, None)
@@ -274,6 +292,9 @@ class Scheduler:
                 self._push(wait, next(self._order), lambda _: self._resume(call))
                 return
         self._calls.pop(call, None)
-        reason = f"it waited {MOST_REACHED_WAITS} times in a row for what was past; a step later is `host.step + 1`"
+        reason = (
+            f"the service yielded {MAX_PAST_WAITS} steps or events in a row that were already past; "
+            "yield `host.step + 1` to wait for the next step"
+        )
         self.failures.log(f"a service was ended: {reason}")
         call.close(f"internal error: {reason}")

@@ -1,4 +1,4 @@
-"""The model and its state: stepping, divergence, saving and restoring. Physics thread only."""
+"""The model and its state: stepping, divergence detection, saving and restoring. Physics thread only."""
 
 from collections.abc import Sequence
 from itertools import repeat
@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.errors import MjplugError, ModelError, UnknownName
-from mjplug.limits import LONGEST_STEP, SHORTEST_STEP
+from mjplug.limits import MAX_TIMESTEP, MIN_TIMESTEP
 from mjplug.near_names import Names
 from mjplug.physics import divergence
 from mjplug.physics.divergence import Divergence
-from mjplug.physics.memory import Cleared, Saved, float_view
+from mjplug.physics.memory import SavedArrays, ZeroedArrays, float_view
 from mjplug.physics.step_time import StepTime
 from mjplug.physics.velocity import VelocityHold
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_MOST_DIGITS = 10
+_MAX_INDEX_DIGITS = 10
 _QPOS = int(mujoco.mjtWarning.mjWARN_BADQPOS)
 _QVEL = int(mujoco.mjtWarning.mjWARN_BADQVEL)
 _QACC = int(mujoco.mjtWarning.mjWARN_BADQACC)
@@ -28,20 +28,20 @@ _BODY, _JOINT, _KEY = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoc
 class Simulation:
     """Owns mjModel and mjData, and counts steps.
 
-    MuJoCo's own reaction to a bad state, a silent reset to `qpos0` and time 0, is switched off; `advance` reports it
+    MuJoCo's automatic reset of a diverged state to `qpos0` and time 0 is disabled; `advance` returns the divergence
     instead.
 
     Attributes:
         model: The compiled model.
-        data: The live state.
+        data: The current state.
         step: Steps taken since the start; a reset does not change it.
         epoch: Resets since the start.
-        time: Converts step numbers to simulated time.
-        free_joints: The free joint of every body that has one, body id to joint id, in joint order.
-        free_bodies: Names of those bodies.
+        time: Conversion between step numbers and simulated time.
+        free_joints: Joint id of the free joint by body id, in joint order.
+        free_bodies: Names of the bodies with a free joint.
 
     Args:
-        model: The compiled model; its AUTORESET flag is cleared.
+        model: The compiled model; its flag mjDSBL_AUTORESET is set.
         keyframe: Name or index of the keyframe to start from; empty means the model's default pose.
 
     Raises:
@@ -50,10 +50,10 @@ class Simulation:
     """
 
     def __init__(self, model: mujoco.MjModel, keyframe: str = "") -> None:
-        if not SHORTEST_STEP <= model.opt.timestep <= LONGEST_STEP:
+        if not MIN_TIMESTEP <= model.opt.timestep <= MAX_TIMESTEP:
             raise ModelError(
                 f"the model's timestep is {model.opt.timestep:g} s; "
-                f"it must be from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+                f"it must be between {MIN_TIMESTEP:g} and {MAX_TIMESTEP:g} s"
             )
         self.model = model
         self.data = mujoco.MjData(model)
@@ -61,7 +61,7 @@ class Simulation:
         self.epoch = 0
         self.time = StepTime(float(model.opt.timestep))
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        # Made now, since a request with a wrong name must not take the physics thread's time.
+        # Built in advance, so that a request with a wrong name takes little time on the physics thread.
         self._known = {
             _BODY: Names(self._names(_BODY, model.nbody)),
             _JOINT: Names(self._names(_JOINT, model.njnt)),
@@ -72,11 +72,11 @@ class Simulation:
         self.data.time = 0.0
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
-        self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
-        # `data.time` as of the last step that went well: MuJoCo's sum of time steps, not the bits of `time.seconds`.
+        self._checkpoint = SavedArrays(_changed_by_steps(self.model, self.data))
+        # `data.time` after the last valid step. It is MuJoCo's sum of time steps, which `time.seconds` does not equal.
         self._summed_time = self.data.time
         self._timestep = float(model.opt.timestep)
-        self._forces = Cleared((self.data.xfrc_applied, self.data.qfrc_applied))
+        self._forces = ZeroedArrays((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
         free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
         self.free_joints = dict(zip(model.jnt_bodyid[free].tolist(), free.tolist(), strict=True))
@@ -96,29 +96,29 @@ class Simulation:
 
     @property
     def sensor_step(self) -> int:
-        """The step boundary that `sensordata` belongs to.
+        """Number of steps taken before the state from which `sensordata` was computed.
 
-        A step computes the sensors first and integrates last, so that is the boundary before the last step, unless
-        `forward` was called since.
+        A step computes the sensors first and integrates last, so this is one less than `step`, unless `forward` was
+        called after the last step.
         """
         return self.step if self._forwarded == self.step else self.step - 1
 
     def checkpoint(self) -> None:
-        """Notes the state to go back to if the coming steps diverge."""
+        """Saves the state, which `advance` restores if the next steps diverge."""
         self._checkpoint.save()
 
     def advance(self, steps: int) -> Divergence | None:
-        """Takes physics steps; `checkpoint` must have been called at this boundary.
+        """Takes physics steps; call `checkpoint` first.
 
         Args:
-            steps: How many, at least 1.
+            steps: Number of steps, at least 1.
 
         Returns:
-            None when all went well. Otherwise what diverged; the state and the step count are then those before the
-            step that went wrong.
+            None if no step diverged. Otherwise the divergence; the state and the step count are then those before the
+            step that diverged.
 
         Raises:
-            MjplugError: MuJoCo cannot go on at all.
+            MjplugError: MuJoCo raised a fatal error.
         """
         warnings = self._warnings
         try:
@@ -128,18 +128,26 @@ class Simulation:
                 mujoco.mj_step(self.model, self.data, steps)
         except mujoco.FatalError as error:
             raise MjplugError(
-                f"MuJoCo gave up after step {self.step}: {error}; a larger <size memory> in the model may help"
+                f"MuJoCo stopped with a fatal error after step {self.step}: {error}; "
+                "try a larger <size memory> in the model"
             ) from error
         self._kinematics_current = False
         if warnings[_QPOS] or warnings[_QVEL] or warnings[_QACC]:
             return self._rewind(steps)
         self.step += steps
-        # Of one step, the same sum as MuJoCo's: reading `data.time` takes several times as long.
+        # For one step this is the same sum as MuJoCo's; reading `data.time` takes several times as long.
         self._summed_time = self._summed_time + self._timestep if steps == 1 else self.data.time
         return None
 
     def velocity_hold(self, dofs: Sequence[int], owner: str) -> tuple[VelocityHold, set[str]]:
-        """Returns what holds the velocities of some degrees of freedom, whatever physics does, and who else may.
+        """Creates a hold on the velocities of some degrees of freedom.
+
+        Args:
+            dofs: Indices in `qvel`.
+            owner: Name of the plugin instance that uses the hold.
+
+        Returns:
+            The hold, and the names of other owners of holds on the same degrees of freedom.
 
         Raises:
             MjplugError: The model has no such degree of freedom.
@@ -149,7 +157,15 @@ class Simulation:
         return hold, others
 
     def claim_controls(self, actuators: Sequence[int], owner: str) -> dict[int, str]:
-        """Notes who sets the controls of some actuators; returns those that others have claimed before, and who."""
+        """Registers the owner of some controls; the first owner of a control stays registered.
+
+        Args:
+            actuators: Indices in `ctrl`.
+            owner: Name of the plugin instance that sets the controls.
+
+        Returns:
+            The registered owner by actuator, for the actuators that another owner has claimed before.
+        """
         claimed = {actuator: self._controllers.setdefault(actuator, owner) for actuator in actuators}
         return {actuator: other for actuator, other in claimed.items() if other != owner}
 
@@ -158,33 +174,37 @@ class Simulation:
         self._forces.clear()
 
     def kinematics(self) -> None:
-        """Brings body, geom and site poses up to the current positions.
+        """Computes body, geom and site poses from the current positions.
 
-        After a step they are one step older than `qpos`, because MuJoCo computes them first and integrates last.
+        After a step, these poses are one step older than `qpos`, because MuJoCo computes them first and integrates
+        last.
         """
         if not self._kinematics_current:
             mujoco.mj_kinematics(self.model, self.data)
             self._kinematics_current = True
 
     def forward(self) -> None:
-        """Brings everything derived from the state up to date, after the state was written."""
+        """Computes all quantities that are derived from the state; call it after writing the state."""
         mujoco.mj_forward(self.model, self.data)
         self._kinematics_current = True
         self._forwarded = self.step
 
     def positions_changed(self) -> None:
-        """Notes that `qpos` was written, so that the next `kinematics` computes."""
+        """Marks body poses as out of date, so that `kinematics` computes them. Call it after writing `qpos`."""
         self._kinematics_current = False
 
     def keep_as_initial(self) -> None:
-        """Makes the current state the initial one, which `restore` puts back, and brings what it implies up to date."""
+        """Makes the current state the initial state, which `restore` sets, and updates all derived quantities."""
         self.forward()
         mujoco.mj_getState(self.model, self.data, self._initial, _STATE)
 
     def restore(self, keyframe: int | None = None) -> None:
-        """Puts the initial state, or a keyframe, back, with warnings and plugin state; simulated time goes on.
+        """Sets the initial state or a keyframe, resets warnings and plugin state, and keeps simulated time.
 
-        Derived quantities are stale afterwards: call `forward`.
+        Derived quantities are out of date afterwards; call `forward`.
+
+        Args:
+            keyframe: Id of the keyframe; None means the initial state.
         """
         model, data = self.model, self.data
         if keyframe is None:
@@ -196,7 +216,7 @@ class Simulation:
         self._kinematics_current = False
 
     def keyframes(self) -> list[str]:
-        """Returns what each of the model's keyframes is called: its name, or its index if it has none."""
+        """Returns the name of each keyframe, or its index if it is unnamed."""
         names = (mujoco.mj_id2name(self.model, _KEY, i) for i in range(self.model.nkey))
         return [name or str(index) for index, name in enumerate(names)]
 
@@ -204,8 +224,7 @@ class Simulation:
         """Returns the id of a keyframe.
 
         Args:
-            name: Its name, or its index, such as `0`. A keyframe that has a number as its name goes before the one
-                that has it as its index.
+            name: Its name, or its index, such as `0`. If a number is both a name and an index, the name counts.
 
         Raises:
             UnknownName: There is no such keyframe.
@@ -213,16 +232,16 @@ class Simulation:
         try:
             return self._id(_KEY, "keyframe", name)
         except UnknownName:
-            # More digits would be no index of a keyframe, and take long to convert.
-            if name.isascii() and name.isdecimal() and len(name) < _MOST_DIGITS and int(name) < self.model.nkey:
+            # A longer number is not an index, and converting it may take long.
+            if name.isascii() and name.isdecimal() and len(name) < _MAX_INDEX_DIGITS and int(name) < self.model.nkey:
                 return int(name)
             raise
 
     def body_id(self, name: str) -> int:
-        """Returns the id of a body; `world` is 0.
+        """Returns the id of a body; the id of `world` is 0.
 
         Raises:
-            UnknownName: There is none of that name.
+            UnknownName: There is no body of that name.
         """
         return self._id(_BODY, "body", name)
 
@@ -230,7 +249,7 @@ class Simulation:
         """Returns the id of a joint.
 
         Raises:
-            UnknownName: There is none of that name.
+            UnknownName: There is no joint of that name.
         """
         return self._id(_JOINT, "joint", name)
 
@@ -245,11 +264,11 @@ class Simulation:
         return [name for name in names if name]
 
     def _step_holding(self, steps: int) -> None:
-        # What a step costs beyond MuJoCo's own time is decided here.
+        # This code runs at every step, so it is written for speed.
         step, model, data, qvel = mujoco.mj_step, self.model, self.data, self._qvel
         if steps == 1:
             for hold in self._holds:
-                for dof, velocity in zip(hold.dofs, hold.velocities):  # noqa: B905 - they were checked
+                for dof, velocity in zip(hold.dofs, hold.velocities):  # noqa: B905 - `set` checked the lengths
                     qvel[dof] = velocity
             step(model, data, 1)
             return
@@ -260,16 +279,16 @@ class Simulation:
             step(model, data, 1)
 
     def _rewind(self, steps: int) -> Divergence:
-        """Goes back to before the step that went wrong, and says what it was.
+        """Restores the state before the step that diverged, and returns the divergence.
 
-        A batch is repeated step by step from its checkpoint; MuJoCo is deterministic, so the same step goes wrong
-        again. Should it not, the batch's beginning is where the world stays.
+        A batch is repeated step by step from its checkpoint. MuJoCo is deterministic, so the same step diverges again.
+        If none does, the state at the start of the batch is restored.
         """
         found = divergence.find(self.model, self.data)
         self._restore()
         if steps > 1:
             begin, first, began_at = self._checkpoint, self.step, self._summed_time
-            self._checkpoint = Saved(_changed_by_steps(self.model, self.data))
+            self._checkpoint = SavedArrays(_changed_by_steps(self.model, self.data))
             for _ in range(steps):
                 self.checkpoint()
                 again = self.advance(1)
@@ -278,7 +297,7 @@ class Simulation:
             self._checkpoint, self.step, self._summed_time = begin, first, began_at
             self._restore()
         if found is None:
-            raise MjplugError("MuJoCo counted a bad state that it does not name")
+            raise MjplugError("MuJoCo reported an invalid state, but not which coordinate is invalid")
         return found
 
     def _restore(self) -> None:
@@ -289,9 +308,9 @@ class Simulation:
 
 
 def _changed_by_steps(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[Any]]:
-    """Returns the arrays that a step changes and the next one reads."""
+    """Returns the arrays that a step changes and the next step reads."""
     names = ["qpos", "qvel", "act", "qacc_warmstart", "plugin_state", "history"]
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
         names.append("tree_asleep")
-    # Not every release of MuJoCo has all of them.
+    # Some releases of MuJoCo lack some of them.
     return [getattr(data, name) for name in names if hasattr(data, name)]

@@ -1,4 +1,4 @@
-"""One state of the world as numbers that another process can take up."""
+"""Copies of the simulation state (mjSTATE_INTEGRATION) that another process can load."""
 
 import mujoco
 import numpy as np
@@ -8,19 +8,25 @@ _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
 def size(model: mujoco.MjModel) -> int:
-    """Returns how many numbers a snapshot has."""
+    """Returns the number of float64 values in a snapshot."""
     return int(mujoco.mj_stateSize(model, _STATE))
 
 
 def take(model: mujoco.MjModel, data: mujoco.MjData, out: NDArray[np.float64]) -> None:
-    """Writes the state into `out`, of shape (size(model),); costs below a microsecond."""
+    """Writes the state to `out`, shape (size(model),); takes less than a microsecond."""
     mujoco.mj_getState(model, data, out, _STATE)
 
 
 def load(model: mujoco.MjModel, data: mujoco.MjData, state: NDArray[np.float64]) -> None:
-    """Gives `data` a state, of shape (size(model),), and the poses that follow from it; no collisions, no forces."""
+    """Sets the state of `data` and computes the poses that follow from it, but neither contacts nor forces.
+
+    Args:
+        model: The model.
+        data: Gets the state.
+        state: A snapshot, shape (size(model),).
+    """
     mujoco.mj_setState(model, data, state, _STATE)
-    # The rest is what MuJoCo's mj_fwdKinematics does; releases before 3.17 lack it.
+    # Same as mj_fwdKinematics, which MuJoCo before 3.17 lacks.
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

@@ -1,4 +1,4 @@
-"""Steps that clients ask for while the simulation is paused. Physics thread only."""
+"""Steps that `step_simulation` requests while the simulation is paused. Physics thread only."""
 
 from collections import deque
 
@@ -6,13 +6,13 @@ from mjplug.physics.scheduler import Event
 
 
 class StepGoal:
-    """Steps that somebody waits for.
+    """The steps of one request.
 
     Attributes:
-        start: The step number from which they count.
+        start: The step number from which the steps count.
         target: The step number to reach.
-        ended: Set when it is reached or given up.
-        failure: Why it was given up; empty if it was not.
+        ended: Set when the goal is reached or cancelled.
+        failure: Why the goal was cancelled; empty if it was not.
     """
 
     def __init__(self, start: int, target: int) -> None:
@@ -22,13 +22,13 @@ class StepGoal:
         self.failure = ""
 
     def end(self, failure: str = "") -> None:
-        """Marks the goal as reached, or as given up with a reason."""
+        """Ends the goal as reached, or as cancelled if a reason is given."""
         self.failure = failure
         self.ended.set()
 
 
 class StepGoals:
-    """The goals under way, each behind the one before."""
+    """A queue of goals: each one starts where the previous one ends."""
 
     def __init__(self) -> None:
         self._goals: deque[StepGoal] = deque()
@@ -38,28 +38,28 @@ class StepGoals:
 
     @property
     def next_target(self) -> int:
-        """The step number of the first goal; there must be one."""
+        """Target of the first goal; there must be at least one."""
         return self._goals[0].target
 
     def add(self, step: int, steps: int) -> StepGoal:
-        """Adds a goal of `steps` more steps, behind those there are, or else from `step` on."""
+        """Adds a goal of `steps` steps that starts after the last goal, or at `step` if there is none; returns it."""
         start = self._goals[-1].target if self._goals else step
         goal = StepGoal(start, start + steps)
         self._goals.append(goal)
         return goal
 
     def end_reached(self, step: int) -> None:
-        """Ends the goals that `step` reaches."""
+        """Ends every goal whose target is at most `step`."""
         while self._goals and self._goals[0].target <= step:
             self._goals.popleft().end()
 
-    def withdraw(self, goal: StepGoal) -> None:
-        """Forgets a goal that nobody waits for any more; those behind it keep their targets."""
+    def remove(self, goal: StepGoal) -> None:
+        """Removes a goal whose request has ended; later goals keep their targets."""
         if goal in self._goals:
             self._goals.remove(goal)
 
-    def give_up(self, reason: str) -> None:
-        """Ends every goal with a reason."""
+    def cancel(self, reason: str) -> None:
+        """Cancels every goal with a reason."""
         goals, self._goals = self._goals, deque()
         for goal in goals:
             goal.end(reason)

@@ -1,4 +1,4 @@
-"""Exact simulated time: an integer number of steps times a rational time step."""
+"""Exact simulated time: an integer number of steps times a rational time step [s]."""
 
 from fractions import Fraction
 
@@ -6,9 +6,10 @@ _NS = 1_000_000_000
 
 
 def as_fraction(seconds: float) -> Fraction:
-    """Returns the simple fraction that a person meant by a float, such as 1/240 for 0.004166666666666667.
+    """Returns a simple fraction close to a float, such as 1/240 for 0.004166666666666667.
 
-    That is one with a denominator up to 10⁶ within a relative 1e-10, otherwise the decimal fraction as one writes it.
+    The result is a fraction with a denominator up to 10⁶ if its relative error is at most 1e-10, otherwise the decimal
+    fraction that `repr` shows.
 
     Args:
         seconds: A finite duration [s].
@@ -21,13 +22,13 @@ def as_fraction(seconds: float) -> Fraction:
 
 
 class StepTime:
-    """Converts between step numbers and simulated time without rounding drift.
+    """Converts between step numbers and simulated time without accumulating rounding errors.
 
     Args:
         timestep: MuJoCo's `opt.timestep` [s], positive.
 
     Attributes:
-        timestep: The step length as a fraction [s].
+        timestep: The time step as a fraction [s].
     """
 
     def __init__(self, timestep: float) -> None:
@@ -36,11 +37,11 @@ class StepTime:
         self._num, self._den = ns.numerator, ns.denominator
 
     def ns(self, step: int) -> int:
-        """Returns the simulated time at the boundary after `step` steps, rounded to the nearest nanosecond."""
+        """Returns the simulated time after `step` steps, rounded to the nearest nanosecond [ns]."""
         return (2 * step * self._num + self._den) // (2 * self._den)
 
     def seconds(self, step: int) -> float:
-        """Returns the simulated time at the boundary after `step` steps [s]."""
+        """Returns the simulated time after `step` steps [s]."""
         return self.ns(step) / _NS
 
     def steps_covering(self, duration_ns: int) -> int:
@@ -48,5 +49,5 @@ class StepTime:
         return -(-duration_ns * self._den // self._num)
 
     def steps_per(self, period: float) -> Fraction:
-        """Returns how many steps, not necessarily whole, one period [s] takes."""
+        """Returns the number of steps in a period [s]; it need not be whole."""
         return as_fraction(period) / self.timestep

@@ -1,4 +1,4 @@
-"""What must run before every step: who, in which order, and what a failure means. Physics thread only."""
+"""Objects that the loop updates before every step, such as plugins. Physics thread only."""
 
 from typing import Protocol
 
@@ -6,34 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.errors import is_fault
-from mjplug.physics.memory import Saved
+from mjplug.physics.memory import SavedArrays
 from mjplug.physics.simulation import Simulation
 from mjplug.physics.velocity import VelocityOverride
 
 
 class Stepper(Protocol):
-    """Something that must run before every step while it is active."""
+    """An object that is updated before every step while it is active."""
 
     def update(self) -> None:
-        """Writes controls, forces or velocity overrides for the coming step."""
+        """Writes controls, forces or velocity overrides for the next step."""
 
     def on_reset(self) -> None:
-        """Forgets what belonged to the state before the reset."""
+        """Discards data that belongs to the state before the reset."""
 
     def failed(self, error: BaseException) -> None:
-        """Takes an exception that `update` raised; the stepper has been deactivated."""
+        """Handles an exception that `update` raised; the stepper has already been deactivated."""
 
 
 class Steppers:
-    """All steppers, in the order in which they were added: so they are updated, and so they are told of resets.
+    """All steppers. `update` and `on_reset` call them in the order in which they were added.
 
-    Forces that they apply last for one step, and so do velocities that they override.
+    Forces and velocity overrides apply to one step only.
 
     Attributes:
-        active: Those that are updated before every step.
+        active: The steppers that are updated before every step.
 
     Args:
-        simulation: Whose steps they are.
+        simulation: The simulation.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -41,24 +41,25 @@ class Steppers:
         self._all: list[Stepper] = []
         self._simulation = simulation
         self._override: VelocityOverride | None = None
-        self._written: Saved | None = None
+        self._written: SavedArrays | None = None
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
-        """Shape (nv,); NaN before each round of updates; finite entries replace velocities right before the step.
+        """Velocities that replace entries of `qvel` right before the step, shape (nv,) [m/s, rad/s].
 
-        It is looked at from its first use on, so that a server without such plugins does not pay for it.
+        All entries are NaN before the updates; NaN leaves the velocity unchanged. The array is created at its first
+        use, so it costs nothing if no plugin uses it.
         """
         if self._override is None:
             self._override = VelocityOverride(self._simulation.data.qvel)
         return self._override.vector
 
     def add(self, stepper: Stepper) -> None:
-        """Adds a stepper, inactive."""
+        """Adds a stepper; it is inactive at first."""
         self._all.append(stepper)
 
     def activate(self, stepper: Stepper) -> None:
-        """Calls the stepper's `update` before every step from now on."""
+        """Starts calling the stepper's `update` before every step."""
         self._set_active({*self.active, stepper})
 
     def deactivate(self, stepper: Stepper) -> None:
@@ -66,9 +67,9 @@ class Steppers:
         self._set_active({*self.active} - {stepper})
 
     def update(self) -> None:
-        """Lets the active ones write what the coming step needs, each once.
+        """Calls `update` of every active stepper.
 
-        When one fails, the forces and velocity overrides that it wrote are undone; the others are updated all the same.
+        If one fails, its forces and velocity overrides are undone and it is deactivated; the others are still updated.
         """
         self._simulation.clear_forces()
         if self._override is not None:
@@ -85,12 +86,12 @@ class Steppers:
                 begun = True
 
     def override(self) -> None:
-        """Writes the velocities that `update` has left in `velocity_override`."""
+        """Writes the finite entries of `velocity_override` to `qvel`."""
         if self._override is not None:
             self._override.apply()
 
     def on_reset(self) -> None:
-        """Clears the forces, and tells every stepper, active or not."""
+        """Clears the forces and calls `on_reset` of every stepper, active or not."""
         self._simulation.clear_forces()
         for stepper in self._all:
             stepper.on_reset()
@@ -103,15 +104,15 @@ class Steppers:
         stepper.failed(error)
 
     def _save(self) -> None:
-        """Notes what the steppers so far have written, in case the next one fails."""
+        """Saves what the previous steppers have written, in case the next one fails."""
         if self._written is None:
-            self._written = Saved((self._simulation.data.xfrc_applied, self._simulation.data.qfrc_applied))
+            self._written = SavedArrays((self._simulation.data.xfrc_applied, self._simulation.data.qfrc_applied))
         self._written.save()
         if self._override is not None:
             self._override.save()
 
     def _undo(self, begun: bool) -> None:
-        """Takes back what a stepper wrote before it failed; `begun`: others were updated before it in this step."""
+        """Undoes what a failed stepper wrote; `begun` is whether others were updated before it in this step."""
         if begun and self._written is not None:
             self._written.restore()
             if self._override is not None:

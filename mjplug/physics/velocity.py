@@ -1,4 +1,4 @@
-"""Velocities that plugins dictate: written to `qvel` right before a step. Physics thread only."""
+"""Velocities that plugins set: written to `qvel` right before a step. Physics thread only."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -10,18 +10,18 @@ from mjplug.errors import MjplugError
 
 
 class VelocityHold:
-    """Velocities of a few degrees of freedom, written before every step until they are changed or released.
+    """Holds the velocities of some degrees of freedom: writes them before every step until changed or released.
 
-    Since nobody need be asked before each step, the steps between two events stay one tight loop.
+    Unlike `velocity_override`, it needs no plugin update before each step, so steps stay in one tight loop.
 
     Attributes:
-        dofs: The degrees of freedom.
-        velocities: What is held, in their order [m/s, rad/s]; empty if nothing is.
+        dofs: The degrees of freedom, as indices in `qvel`.
+        velocities: The held velocities in the order of `dofs` [m/s, rad/s]; empty while nothing is held.
 
     Args:
-        dofs: The degrees of freedom.
-        nv: How many the model has.
-        holding: Where the hold enters itself while it holds.
+        dofs: The degrees of freedom, as indices in `qvel`.
+        nv: Number of degrees of freedom of the model.
+        holding: All active holds; this one adds itself while it holds.
 
     Raises:
         MjplugError: The model has no such degree of freedom.
@@ -32,18 +32,21 @@ class VelocityHold:
     def __init__(self, dofs: Sequence[int], nv: int, holding: "list[VelocityHold]") -> None:
         for dof in dofs:
             if not 0 <= dof < nv:
-                raise MjplugError(f"the model has no degree of freedom {dof}; its {nv} are numbered from 0")
+                raise MjplugError(f"degree of freedom {dof} does not exist; the model has {nv}, numbered from 0")
         self.dofs = tuple(dofs)
         self.velocities: tuple[float, ...] = ()
         self._holding = holding
 
     def set(self, *velocities: float) -> None:
-        """Holds these velocities, in the order of the degrees of freedom, from the coming step on [m/s, rad/s].
+        """Holds velocities from the next step on.
+
+        Args:
+            velocities: One for each of `dofs`, in that order [m/s, rad/s].
 
         Raises:
-            ValueError: One of them is NaN or infinite, or there are more or fewer than degrees of freedom.
+            ValueError: A velocity is NaN or infinite, or their number is not that of `dofs`.
         """
-        # The sum is the quicker look, but finite numbers may overflow in it.
+        # Testing the sum is faster; because a sum of finite numbers may overflow, `_check` tests each one.
         if len(velocities) != len(self.dofs) or not isfinite(sum(velocities)):
             self._check(velocities)
         if velocities and not self.velocities:
@@ -51,26 +54,26 @@ class VelocityHold:
         self.velocities = velocities
 
     def release(self) -> None:
-        """Leaves the velocities to physics again."""
+        """Stops holding the velocities."""
         if self.velocities:
             self._holding.remove(self)
         self.velocities = ()
 
     def _check(self, velocities: tuple[float, ...]) -> None:
         if len(velocities) != len(self.dofs):
-            raise ValueError(f"{len(velocities)} velocities were given to hold {len(self.dofs)} degrees of freedom")
+            raise ValueError(f"got {len(velocities)} velocities for {len(self.dofs)} degrees of freedom; give one each")
         if not all(map(isfinite, velocities)):
-            raise ValueError(f"the velocities to hold are {velocities}; all must be finite")
+            raise ValueError(f"the velocities are {velocities}; all must be finite")
 
 
 class VelocityOverride:
-    """Velocities for one step, in a vector of which NaN leaves the velocity to physics.
+    """Velocities that replace entries of `qvel` for one step.
 
     Attributes:
-        vector: Shape (nv,).
+        vector: The velocities, shape (nv,) [m/s, rad/s]; NaN leaves the velocity unchanged.
 
     Args:
-        qvel: What is overridden.
+        qvel: The velocities to override, shape (nv,).
     """
 
     def __init__(self, qvel: NDArray[np.float64]) -> None:
@@ -78,23 +81,23 @@ class VelocityOverride:
         self._qvel = qvel
         self._finite = np.zeros(qvel.shape, bool)
         self._bytes = self.vector.data.cast("B")
-        # From view to view: a third of what `fill` takes.
+        # Copying a memoryview takes a third of the time of `fill`.
         self._none = memoryview(self.vector.tobytes())
         self._saved = memoryview(bytearray(self._none))
 
     def clear(self) -> None:
-        """Leaves every velocity to physics."""
+        """Sets every entry to NaN."""
         self._bytes[:] = self._none
 
     def save(self) -> None:
-        """Notes the velocities, for `restore`."""
+        """Saves the vector, for `restore`."""
         self._saved[:] = self._bytes
 
     def restore(self) -> None:
-        """Puts back what was saved last; before the first time, every velocity is left to physics."""
+        """Restores the saved vector; if none was saved, sets every entry to NaN."""
         self._bytes[:] = self._saved
 
     def apply(self) -> None:
-        """Writes the finite ones."""
+        """Writes the finite entries to `qvel`."""
         np.isfinite(self.vector, self._finite)
         np.putmask(self._qvel, self._finite, self.vector)

@@ -1,4 +1,4 @@
-"""The public plugin API: everything that a plugin may use of the server."""
+"""The public plugin API: all names that a plugin may import from the server."""
 
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.diagnostics import Diagnosis, Level

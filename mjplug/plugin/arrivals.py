@@ -1,4 +1,4 @@
-"""Hands the messages of one subscription to the physics thread; a flood takes a fixed amount of memory."""
+"""Passes the messages of one subscription to the physics thread, with bounded memory."""
 
 from collections import deque
 from collections.abc import Callable
@@ -10,21 +10,22 @@ from mjplug.physics.inbox import Inbox
 
 M = TypeVar("M")
 
-MOST_POSTED = 64
-"""Calls of one subscription that may wait in the inbox at the same time."""
+MAX_POSTED = 64
+"""Maximum number of calls of one subscription that wait in the inbox at the same time."""
 
 
 class Arrivals(Generic[M]):
-    """Keeps the newest messages until the physics thread takes them.
+    """Keeps the newest messages until the physics thread handles them.
 
-    Each message keeps its place among the requests and messages that clients send. Only if `MOST_POSTED` messages of
-    this subscription wait already, a further one is handed over together with a message that comes before or after it.
+    Messages are handled in the order of arrival, also relative to requests and messages of other topics. Only if
+    `MAX_POSTED` calls of this subscription already wait, a further message is handled together with an earlier or a
+    later one.
 
     Args:
-        topic: Full name of the topic; the inbox counts its replaced messages under it.
-        depth: How many messages to keep; a newer one replaces the oldest.
-        inbox: The way to the physics thread.
-        handle: Gets each message, on the physics thread.
+        topic: Full name of the topic; the inbox counts replaced messages by this name.
+        depth: Number of messages to keep; a newer one replaces the oldest.
+        inbox: The inbox of the physics thread.
+        handle: Called with each message on the physics thread.
     """
 
     def __init__(self, topic: str, depth: int, inbox: Inbox, handle: Callable[[M], None]) -> None:
@@ -38,19 +39,19 @@ class Arrivals(Generic[M]):
         self._posted = 0
 
     def deliver(self, message: M) -> None:
-        """Takes a message, on any thread."""
+        """Queues a message. May be called from any thread."""
         with self._lock:
             self._count = number = self._count + 1
             if len(self._kept) == self._depth:
                 self._inbox.replaced[self._topic] = self._inbox.replaced.get(self._topic, 0) + 1
             self._kept.append((number, message))
-            if self._posted == MOST_POSTED:
+            if self._posted == MAX_POSTED:
                 return
             self._posted += 1
         self._inbox.post(partial(self._take, number))
 
     def _take(self, number: int) -> None:
-        """Hands over the messages up to `number`; the last call that was posted hands over all."""
+        """Handles the messages up to `number`; the last posted call handles all."""
         with self._lock:
             self._posted -= 1
             last = number if self._posted else self._count

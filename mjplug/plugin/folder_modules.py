@@ -1,7 +1,8 @@
-"""Plugin modules that lie in the folder of a configuration file: `type: wind:Wind`, with a `wind.py` beside it.
+"""Plugin modules in the folder of a configuration file: `type: wind:Wind` with the file `wind.py` in that folder.
 
-The folder is on `sys.path` as long as a server needs it, because plugins may import more later, and worker processes
-import from there too. A process has one module of each name, so two servers in it cannot have two modules `wind`.
+The folder is on `sys.path` as long as a server needs it, because plugins may import more modules later, and worker
+processes import from it too. Module names are unique in a process, so two servers in one process cannot use two
+different modules `wind`.
 """
 
 import importlib
@@ -19,11 +20,11 @@ from mjplug.shared_change import SharedChange, Undo
 
 @contextmanager
 def importable(folder: Path) -> Iterator[None]:
-    """Lets modules of a folder be imported until the end of the block.
+    """Makes modules of a folder importable until the end of the block.
 
     When the last such block ends, the folder is removed from `sys.path`, and the plugin modules that were imported from
-    it are removed from `sys.modules`: the next server imports them again, with the changes that were made meanwhile.
-    Nothing is removed if the folder was on `sys.path` before.
+    it are removed from `sys.modules`, so that the next server imports them again with all changes. Nothing is removed
+    if the folder was on `sys.path` before.
     """
     with _lock:
         change = _folders.setdefault(str(folder), _Folder(str(folder)))
@@ -32,14 +33,15 @@ def importable(folder: Path) -> Iterator[None]:
 
 
 def import_plugin_module(name: str, folder: Path | None = None) -> ModuleType:
-    """Imports a module by its dotted name.
+    """Imports a module and returns it.
 
     Args:
-        name: The name.
-        folder: The folder of the configuration that asks for it, which is `importable`; None if there is none.
+        name: The dotted name of the module.
+        folder: The folder of the configuration file, which must be `importable`; None if there is none.
 
     Raises:
-        PluginError: The module, or one that it needs, has the name of a module that was imported for another server.
+        PluginError: A different module with the same name was imported for another server, for this module or for one
+            that it imports.
     """
     with _lock:
         others = [other for path, other in _folders.items() if folder is None or path != str(folder)]
@@ -62,8 +64,8 @@ class _Folder(SharedChange):
 
     Attributes:
         path: The folder.
-        added: Whether it is on `sys.path` because of a server.
-        modules: Names of the modules in it that were imported for plugins.
+        added: Whether a server added it to `sys.path`.
+        modules: Names of its modules that were imported for plugins.
     """
 
     def __init__(self, path: str) -> None:
@@ -73,7 +75,7 @@ class _Folder(SharedChange):
         self.added = False
 
     def note(self, modules: dict[str, ModuleType]) -> None:
-        """Notes those of some newly imported modules that lie in the folder."""
+        """Records which of some newly imported modules are in the folder."""
         if self.added:
             self.modules |= {name for name, module in modules.items() if _is_in(_file(module), Path(self.path))}
 
@@ -81,14 +83,14 @@ class _Folder(SharedChange):
         if self.path in sys.path:
             return _nothing
         sys.path.append(self.path)
-        # A file may have been written a moment ago.
+        # A file may have been written since the folder was last listed.
         importlib.invalidate_caches()
         self.added = True
         return self._remove
 
     def _remove(self) -> None:
         self.added = False
-        # Somebody else may have taken it out.
+        # Other code may have removed it.
         if self.path in sys.path:
             sys.path.remove(self.path)
         for name in self.modules:
@@ -100,7 +102,7 @@ _folders: dict[str, _Folder] = {}
 
 
 def _move_behind(folder: Path | None, others: list[_Folder]) -> None:
-    """Puts the folders of other servers behind this one on `sys.path`."""
+    """Moves the folders of other servers to the end of `sys.path`."""
     theirs = [other.path for other in others if other.added]
     if folder is not None and str(folder) in sys.path:
         sys.path[:] = [path for path in sys.path if path not in theirs] + theirs
@@ -111,15 +113,15 @@ def _refuse_another_file(top: str, folder: Path | None, others: list[_Folder]) -
     path = [entry for entry in sys.path if entry not in theirs]
     names = [top]
     if folder is not None and _is_in(_origin(top, path), folder):
-        # What it imports may have the name of something that the plugins of another server have imported.
+        # The module may import a module with the same name as one that plugins of another server have imported.
         names += [name for other in others for name in sorted(other.modules) if "." not in name]
     for name in names:
         file, origin = _file(sys.modules.get(name)), _origin(name, path)
         if name == "__main__" or file is None or origin is None or Path(origin).resolve() == Path(file).resolve():
             continue
         raise PluginError(
-            f"module {name!r} of this process is {file} already, so {origin} cannot be imported; rename one of the two "
-            "files, or run the two servers in two processes"
+            f"module {name!r} is already imported from {file}, so {origin} cannot be imported in the same process; "
+            "rename one of the two files, or run the two servers in two processes"
         )
 
 

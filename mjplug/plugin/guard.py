@@ -1,4 +1,4 @@
-"""How a plugin's failure is contained: it is loud, and it follows the `on_plugin_error` policy. Physics thread only."""
+"""Handles exceptions of plugins: logs them and applies the `on_plugin_error` policy. Physics thread only."""
 
 import logging
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class Stepping(Protocol):
 
 
 class PluginStepper:
-    """A plugin as the loop sees it; `update` is the plugin's own method, since it is called at every step."""
+    """The stepper of a plugin. `update` is the plugin's own method without a wrapper, because it runs at every step."""
 
     def __init__(
         self, update: Callable[[], None], on_reset: Callable[[], None], failed: Callable[[BaseException], None]
@@ -35,18 +35,18 @@ class PluginStepper:
 
 
 class Guard:
-    """Stands between the server and one plugin's own work, times it, and switches it off when it fails.
+    """Runs the callbacks of one plugin instance, measures their time, and disables the instance if one fails.
 
     Attributes:
-        disabled: Why the plugin was switched off; empty while it is not.
-        holds: Velocity holds to release then.
+        disabled: Why the instance was disabled; empty while it is enabled.
+        holds: Velocity holds to release when the instance is disabled.
 
     Args:
         name: The instance's name.
-        logger: Where the failure is told.
+        logger: Logs failures.
         loop: The physics loop.
-        stopwatch: Counts the time that the plugin takes.
-        disable_on_error: Whether a failure switches the plugin off instead of stopping the server.
+        stopwatch: Measures the time that the instance takes.
+        disable_on_error: Whether a failure disables the instance instead of stopping the server.
     """
 
     def __init__(
@@ -67,23 +67,26 @@ class Guard:
         return self._name
 
     def attach(self, plugin: Stepping) -> None:
-        """Adds the plugin to the loop's steppers, inactive."""
+        """Adds the plugin to the loop's steppers; it is inactive at first."""
         stepper = self._stepper = PluginStepper(plugin.update, self.guarded(plugin.on_reset), self.fail)
         self._stopwatch.watch(stepper)
         self._loop.steppers.add(stepper)
 
     def activate(self) -> None:
-        """Lets the loop update the plugin before every step, unless it was switched off."""
+        """Starts the calls of the plugin's `update` before every step, unless the instance was disabled."""
         if self._stepper is not None and not self.disabled:
             self._loop.steppers.activate(self._stepper)
 
     def deactivate(self) -> None:
-        """Ends the updates."""
+        """Stops the calls of the plugin's `update`."""
         if self._stepper is not None:
             self._loop.steppers.deactivate(self._stepper)
 
     def guarded(self, callback: Callable[P, None]) -> Callable[P, None]:
-        """Wraps a piece of the plugin's work; it is not called any more once the plugin was switched off."""
+        """Returns a wrapper of a callback that measures its time and handles its exceptions.
+
+        After the instance was disabled, the wrapper does nothing.
+        """
 
         def call(*args: P.args, **kwargs: P.kwargs) -> None:
             if self.disabled:
@@ -100,10 +103,14 @@ class Guard:
         return call
 
     def fail(self, error: BaseException) -> None:
-        """Switches the plugin off: its requests are refused and its holds released. Stops the server, if so wished."""
+        """Disables the instance: refuses its requests and releases its holds. Stops the server if the policy says so.
+
+        Args:
+            error: The exception that the plugin raised.
+        """
         name = self._name
         self._logger.error("plugin %s failed", name, exc_info=error)
-        self.disabled = f"plugin {name} was switched off after an error: {error!r}"
+        self.disabled = f"plugin {name} was disabled after an error: {error!r}"
         self.deactivate()
         for hold in self.holds:
             hold.release()

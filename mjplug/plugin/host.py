@@ -1,4 +1,4 @@
-"""What a plugin may use of the server, under the names that ROS users know. Physics thread only."""
+"""The interface of the server to one plugin instance, with the names of a ROS node's methods. Physics thread only."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work,
 from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
 from mjplug.log_scope import logger_of_server
-from mjplug.physics.loop import SECOND, Loop
+from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
 from mjplug.physics.scheduler import Slow, Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.arrivals import Arrivals
@@ -29,31 +29,30 @@ from mjplug_schemas.message import Message, Service
 M = TypeVar("M", bound=Message)
 
 Resolve = Callable[[str], str]
-"""Turns a name as a plugin writes it into the full ROS name."""
+"""Converts a name as a plugin writes it to the full ROS name."""
 
 
 class Host(WorldView):
-    """One plugin instance's view of the server, beside that of the world.
+    """The server as one plugin instance uses it: topics, services, timers, workers, and the simulated world.
 
     Attributes:
         name: The instance's name.
-        logger: Logs under `mjplug.instance.<name>`.
-        random: Random numbers of this instance, seeded by `sim.seed` and its name.
+        logger: Logger of the instance, named `mjplug.instance.<name>`.
+        random: Random number generator of the instance, seeded with `sim.seed` and the instance's name.
 
     Args:
         name: The instance's name.
         loop: The physics loop.
-        transport: Where endpoints are declared.
-        resolve: The instance's name rules.
-        workers: Who runs the works that the plugin hands over.
-        diagnostics: Where the plugin's own state is asked for.
+        transport: Declares topics and services.
+        resolve: Converts names of topics and services to full ROS names.
+        workers: Runs the worker processes of the plugin.
+        diagnostics: Collects the diagnostic tasks of all plugins.
         seed: `sim.seed`.
-        disable_on_error: Whether an exception in the plugin's own work switches the plugin off instead of stopping the
-            server.
+        disable_on_error: Whether an exception in the plugin disables the instance instead of stopping the server.
         model_file: The model's file.
-        folders: Where relative file names in the instance's parameters count from, first choice first.
-        stopwatch: Counts the time that the plugin takes.
-        frame_prefix: What stands before the TF frames in the plugin's messages, such as `robot1/`.
+        folders: Folders in which relative file names of parameters are searched, in this order.
+        stopwatch: Measures the time that the plugin takes.
+        frame_prefix: Prefix of the TF frames in the plugin's messages, such as `robot1/`.
     """
 
     def __init__(
@@ -83,21 +82,24 @@ class Host(WorldView):
         self._workers = workers
         self._diagnostics = diagnostics
         self._guard = Guard(name, self.logger, loop, self._stopwatch, disable_on_error)
-        self._sleepers: dict[Publisher[Any], list[Timer]] = {}
+        self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
-        """Shape (nv,); what `update` writes here becomes that DOF's velocity in `qvel` right before the step.
+        """Velocities that replace entries of `qvel` right before the step, shape (nv,) [m/s, rad/s].
 
-        NaN leaves it to physics; all entries are NaN before the first plugin's update of each step.
+        Write to it in `update`. NaN leaves the velocity unchanged; all entries are NaN before the updates of each step.
         """
         return self._loop.steppers.velocity_override
 
     def full_name(self, name: str) -> str:
-        """Returns the full ROS name of a topic or service as this plugin writes it, after remapping.
+        """Returns the full ROS name of a topic or service, after remapping.
+
+        Args:
+            name: The name, as for `create_publisher`.
 
         Raises:
-            PluginError: The name breaks ROS's rules.
+            PluginError: The name is not a valid ROS name.
         """
         try:
             return self._resolve(name)
@@ -105,71 +107,77 @@ class Host(WorldView):
             raise PluginError(str(error)) from error
 
     def frame_id(self, name: str) -> str:
-        """Returns a TF frame as this plugin's messages name it: with `frame_prefix` before it.
+        """Returns the name of a TF frame for messages, with `frame_prefix` before it.
 
         Args:
-            name: Such as `base_link`. With a leading `/` it is shared between robots and gets no prefix: `/map` is
-                `map`. The empty name, for no frame, stays empty.
+            name: Name of the frame, such as `base_link`. A leading `/` marks a frame that robots share; it gets no
+                prefix: `/map` becomes `map`. An empty name, for no frame, stays empty.
         """
         if name.startswith("/"):
             return name.removeprefix("/")
         return f"{self._frame_prefix}{name}" if name else ""
 
     def activate(self) -> None:
-        """Asks for `update` before every step; costs speed, so ask only while there is something to do."""
+        """Starts the calls of `update` before every step. They cost speed, so call `deactivate` when idle."""
         self._guard.activate()
 
     def deactivate(self) -> None:
-        """Ends the calls of `update`."""
+        """Stops the calls of `update`."""
         self._guard.deactivate()
 
     def create_publisher(
         self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
     ) -> Publisher[M]:
-        """Declares a topic that the plugin publishes.
+        """Declares a topic that the plugin publishes, and returns its publisher.
 
         Args:
             type: Message class.
             name: `/absolute`; `{ns}/name`, which is `/<namespace>/name`; or relative (`name` and `~/name` mean the
                 same) to `/<namespace>/<instance>/`.
             qos: Quality of service.
-            on_matched: Called when a first listener appears.
+            on_matched: Called each time the first subscriber appears.
 
         Raises:
-            PluginError: The name breaks ROS's rules.
+            PluginError: The name is not a valid ROS name.
         """
-        sleepers: list[Timer] = []
+        timers: list[Timer] = []
 
-        def appeared() -> None:
-            for timer in sleepers:
+        def matched() -> None:
+            for timer in timers:
                 self._loop.scheduler.wake(timer, self.step)
             if on_matched is not None:
                 self._guard.guarded(on_matched)()
 
         topic = Topic(self.full_name(name), type, qos)
-        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(appeared))
-        self._sleepers[publisher] = sleepers
+        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(matched))
+        self._timers_by_publisher[publisher] = timers
         return publisher
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
-        """Declares a topic that the plugin reads; the newest `qos.depth` messages since the last step are delivered.
+        """Subscribes to a topic. The newest `qos.depth` messages since the last step are delivered.
 
         Args:
             type: Message class.
             name: As for `create_publisher`.
-            callback: Gets each message, already validated against its type. A RequestError that it raises refuses the
-                message: the log has the sentence, at most once a second. Any other exception follows `on_plugin_error`.
-            qos: Quality of service; the default delivers the newest message only, as commands want it.
+            callback: Called with each message, after the message was validated against its type. To refuse a message,
+                raise RequestError; its text is logged at most once a second. For any other exception, the
+                `on_plugin_error` policy applies.
+            qos: Quality of service. The default delivers only the newest message, which suits commands.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
         """
         topic = Topic(self.full_name(name), type, qos)
-        refusals = Throttle(SECOND)
+        refusals = Throttle(WALL_TIMER_PERIOD)
 
         def take(message: M) -> None:
             try:
                 callback(message)
             except RequestError as error:
                 if refusals.admit(perf_counter()):
-                    self.logger.warning("topic %s: a message was refused: %s%s", topic.name, error, refusals.held())
+                    self.logger.warning(
+                        "topic %s: a message was refused: %s%s", topic.name, error, refusals.suppressed()
+                    )
 
         arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
         self._transport.open_subscription(topic, arrivals.deliver)
@@ -180,10 +188,13 @@ class Host(WorldView):
         Args:
             type: Service class.
             name: As for `create_publisher`.
-            handler: Gets the request and the call, returns the response, or is a generator: it yields the step numbers
-                or events that it waits for, and returns the response. Its `finally` blocks run on completion, reset and
-                shutdown alike. To refuse, raise RequestError before anything has been applied. A generator may answer
-                early with `call.respond(…)`.
+            handler: Called with the request and the call. It returns the response, or it is a generator that yields the
+                step numbers or events that it waits for and returns the response. The generator's `finally` blocks run
+                on completion, reset and shutdown. To refuse the request, raise RequestError before anything is applied.
+                A generator may respond early with `call.respond(…)`.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
         """
 
         def serve(call: Call) -> None:
@@ -204,60 +215,63 @@ class Host(WorldView):
         callback: Callable[[], None],
         while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
     ) -> Timer:
-        """Calls back every `period` [s] of simulated time, first after one period; a reset restarts the phase.
+        """Calls a function periodically in simulated time, first after one period. A reset restarts the phase.
 
         Args:
-            period: Positive; it need not be a multiple of the time step.
+            period: Period [s], positive; it need not be a multiple of the time step.
             callback: Called on the physics thread.
-            while_matched: Publishers of this host, one or several: while nobody listens to any of them, the timer
-                sleeps and costs nothing.
+            while_matched: One or several publishers of this host. While none of them has a subscriber, the timer sleeps
+                at no cost.
+
+        Returns:
+            The timer; `cancel()` stops it.
 
         Raises:
-            PluginError: The period is not a positive finite number.
+            PluginError: The period is not a positive finite number, or a publisher is not from this host.
         """
         if not 0 < period < float("inf"):
-            raise PluginError(f"a timer's period is {period} s; it must be positive and finite")
+            raise PluginError(f"the timer period is {period} s; it must be positive and finite")
         loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
         if while_matched is None:
             return loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step)
         publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
-        if any(publisher not in self._sleepers for publisher in publishers):
-            raise PluginError("while_matched is no publisher of this plugin")
+        if any(publisher not in self._timers_by_publisher for publisher in publishers):
+            raise PluginError("while_matched contains an object that is not a publisher of this plugin")
         timer = loop.scheduler.every(
             steps,
             self._guard.guarded(callback),
             simulation.step,
-            wanted=lambda: any(publisher.matched for publisher in publishers),
+            while_true=lambda: any(publisher.matched for publisher in publishers),
         )
         for publisher in publishers:
-            self._sleepers[publisher].append(timer)
+            self._timers_by_publisher[publisher].append(timer)
         return timer
 
     def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
-        """Calls back every `period` [s] of wall time, paused or not, at any speed.
+        """Calls a function periodically in wall time, paused or not, at any speed.
 
         Args:
-            period: The server looks once a second, so a shorter one is one second.
+            period: Period [s]. The server checks wall timers once a second, so a shorter period means one second.
             callback: Called on the physics thread.
         """
         due, guarded = 0.0, self._guard.guarded(callback)
 
-        def look(now: float) -> None:
+        def check(now: float) -> None:
             nonlocal due
             if now >= due:
-                due = now + period - 0.5 * SECOND
+                due = now + period - 0.5 * WALL_TIMER_PERIOD
                 guarded()
 
-        self._loop.on_second.append(look)
+        self._loop.on_second.append(check)
 
     def create_velocity_hold(self, dofs: Sequence[int]) -> VelocityHold:
-        """Returns what holds the velocities of some degrees of freedom at every step, with no need of `update`.
+        """Returns a hold that sets the velocities of some degrees of freedom at every step without calls of `update`.
 
-        What it holds outranks `velocity_override`. At first it holds nothing.
+        Held velocities take precedence over `velocity_override`. At first nothing is held.
 
         Args:
-            dofs: The degrees of freedom, places in `qvel`.
+            dofs: The degrees of freedom, as indices in `qvel`.
 
         Raises:
             MjplugError: The model has no such degree of freedom.
@@ -265,22 +279,24 @@ class Host(WorldView):
         hold, others = self._simulation.velocity_hold(dofs, self.name)
         if others:
             self.logger.warning(
-                "plugin %s holds the same velocities as %s: only one of them has its way", self.name, ", ".join(others)
+                "plugins %s and %s set the same velocities; only one of them takes effect",
+                self.name,
+                ", ".join(sorted(others)),
             )
         self._guard.holds.append(hold)
         return hold
 
     def claim_controls(self, actuators: Sequence[int]) -> None:
-        """Says that the plugin sets the controls of some actuators; the log warns if another one does too.
+        """Declares that the plugin sets the controls of some actuators; logs a warning if another plugin does too.
 
         Args:
-            actuators: Their places in `ctrl`.
+            actuators: The actuators, as indices in `ctrl`.
         """
         others = self._simulation.claim_controls(actuators, self.name)
         if others:
             names = (mujoco.mj_id2name(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, a) or str(a) for a in others)
             self.logger.warning(
-                "plugin %s sets the same controls as %s, those of %s: each undoes what the other one does",
+                "plugins %s and %s set the controls of the same actuators (%s); each overwrites the other",
                 self.name,
                 ", ".join(sorted(set(others.values()))),
                 ", ".join(names),
@@ -299,22 +315,21 @@ class Host(WorldView):
         on_done: Callable[[Job, Any], None] | None = None,
         on_lost: Callable[[frozenset[str], str], None] | None = None,
     ) -> Worker:
-        """Hands work that is too costly for the physics thread to a process of its own.
+        """Runs work that is too slow for the physics thread in a worker process.
 
         Args:
-            work: What to do; see `Work`.
-            publishers: Publishers of this host that the work publishes to; the plugin leaves the publishing to it.
-            environments: Environment variables for the process, on top of the server's own, tried in this order until
-                the work opens; an empty value takes one away. Without them, MuJoCo is imported without OpenGL.
-            sync: Whether no step is taken after `submit` until the work is done, so that physics runs in lockstep with
-                it. What `update` submits has the state before the step, which is still taken.
-            priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`. In
-                lockstep it is normal.
-            job_timeout: How long opening the work or a job may take [s], the time not counted in which the process
-                waits for a processor. Then the process is started again. Positive; infinity is no limit.
-            on_ready: Gets what `Work.open` said, each time the work has been opened.
-            on_done: Gets each job that was performed, and what `perform` returned.
-            on_lost: Gets the tasks that will not be performed, and why.
+            work: The work; see `Work`.
+            publishers: Publishers of this host that the work publishes to. The plugin itself must not use them.
+            environments: Environment variables for the process, in addition to the server's; an empty value removes a
+                variable. They are tried in this order until the work opens. The default imports MuJoCo without OpenGL.
+            sync: Whether the loop takes no step after `submit` until the job is done (lockstep). A job that `update`
+                submits contains the state before the step; that step is still taken.
+            priority: CPU priority of the process: `idle`, `low` or `normal`. In lockstep it is always normal.
+            job_timeout: Maximum time for opening the work and for a job [s], without the time in which the process
+                waits for a CPU. After it, the process is restarted. Positive; infinity means no limit.
+            on_ready: Called with the text that `Work.open` returned, each time the work has been opened.
+            on_done: Called with each completed job and the return value of `perform`.
+            on_lost: Called with the tasks that will not be performed, and the reason.
         """
         token, lockstep = object(), self._loop.lockstep
         spec = WorkerSpec(
@@ -336,14 +351,14 @@ class Host(WorldView):
         """Adds a status to `/diagnostics`, as diagnostic_updater's `add` does.
 
         Args:
-            name: What the status is about; the instance's name is put before it. Empty: the instance itself.
-            task: Called about once a second of wall time, and answers what to say.
+            name: Name of the status, which is published as `<instance>: <name>`; if empty, as `<instance>`.
+            task: Returns the status. Called about once a second of wall time.
         """
 
-        def ask() -> Diagnosis:
+        def diagnose() -> Diagnosis:
             return Diagnosis(Level.ERROR, self._guard.disabled) if self._guard.disabled else task()
 
-        self._diagnostics.add(f"{self.name}: {name}" if name else self.name, ask)
+        self._diagnostics.add(f"{self.name}: {name}" if name else self.name, diagnose)
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""

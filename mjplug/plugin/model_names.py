@@ -1,4 +1,4 @@
-"""The names of a model's objects: what stands for a missing one, and how names become parts of ROS names."""
+"""Names of the objects of a model, and their conversion to parts of ROS names."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -11,16 +11,16 @@ _INVALID = re.compile(r"[^A-Za-z0-9_]")
 
 
 def object_names(model: mujoco.MjModel, kind: mujoco.mjtObj, word: str, number: int) -> list[str]:
-    """Returns the names of all objects of a kind, by id.
+    """Returns the names of all objects of a kind, ordered by id.
 
-    An object without a name is called `<word>_<id>`. If another object has that name, it is `<word>_<id>_2`, or with
-    the next number that is free.
+    An unnamed object is called `<word>_<id>`. If another object has that name, `_2` or the next free number is
+    appended.
 
     Args:
         model: The compiled model.
         kind: The kind of object.
-        word: What an object of this kind is called, such as `camera`.
-        number: How many objects of this kind the model has.
+        word: The word for an object of this kind, such as `camera`.
+        number: Number of objects of this kind in the model.
     """
     names = [mujoco.mj_id2name(model, kind, index) or "" for index in range(number)]
     taken = set(names)
@@ -32,16 +32,19 @@ def object_names(model: mujoco.MjModel, kind: mujoco.mjtObj, word: str, number: 
 
 
 def ros_tokens(names: Iterable[str], kind: str, logger: Logger) -> dict[str, str]:
-    """Returns what stands for each name of the model in names of topics and services.
+    """Converts names of the model to tokens for names of topics and services.
 
-    A name that ROS allows stays as it is. In another, each character that ROS does not allow becomes `_` (a `/` too),
-    and `_` is put before a digit at the start. If the result is taken, `_2` or the next number that is free is added,
-    in the order of the names. The log names those that changed.
+    A name that ROS allows is not changed. In any other name, each character that ROS does not allow becomes `_` (also
+    `/`), and `_` is put before a leading digit. If the result is already used, `_2` or the next free number is
+    appended, in the order of the names. Changed names are logged.
 
     Args:
         names: Names in the order of the model.
-        kind: What they are names of, such as `camera`.
-        logger: Where changed names are logged.
+        kind: The kind of object, such as `camera`.
+        logger: Logs changed names.
+
+    Returns:
+        The token of each name.
     """
     names = list(dict.fromkeys(names))
     tokens = {name: name for name in names if _token(name) == name}
@@ -51,9 +54,9 @@ def ros_tokens(names: Iterable[str], kind: str, logger: Logger) -> dict[str, str
         if name not in tokens:
             tokens[name] = _free(_token(name), taken)
             taken.add(tokens[name])
-            changed.append(f"{name!r} is {tokens[name]}")
+            changed.append(f"{name!r} -> {tokens[name]}")
     if changed:
-        logger.info("the names of topics and services spell a %s as ROS allows: %s", kind, ", ".join(changed))
+        logger.info("%s names changed to valid ROS names in topics and services: %s", kind, ", ".join(changed))
     return {name: tokens[name] for name in names}
 
 

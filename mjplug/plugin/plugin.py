@@ -1,4 +1,4 @@
-"""What a plugin is: a class with typed parameters and four calls, all made on the physics thread."""
+"""The base classes of plugins and their parameters."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class Parameters(BaseModel):
-    """Base of a plugin's parameters: frozen, strict, and refusing names it does not know.
+    """Base class of a plugin's parameters: frozen, with strict types; unknown names are refused.
 
-    Every field should have a description with its unit; `mjplug plugin info` shows them.
+    Give every field a description with its unit; `mjplug plugin info` shows it.
     """
 
     model_config = ConfigDict(
@@ -30,18 +30,18 @@ def _nested(value: object) -> object:
 
 
 NestedParameters = BeforeValidator(_nested)
-"""Marks parameters below names that users choose: `__pydantic_extra__: dict[str, Annotated[Lidar, NestedParameters]]`.
+"""Marks sections whose names the user chooses: `__pydantic_extra__: dict[str, Annotated[Lidar, NestedParameters]]`.
 
-A plain value there is refused as a misspelt parameter; an empty section gets the defaults.
+A plain value in place of a section is refused as an unknown parameter; an empty section gets the defaults.
 """
 
 P = TypeVar("P", bound=Parameters)
 
 
 def _parameters_of(cls: type) -> object:
-    """Returns the type argument that a plugin class gives to `Plugin`, through generic classes between the two.
+    """Returns the type argument that a plugin class passes to `Plugin`, directly or through generic base classes.
 
-    It is a TypeVar where the class leaves it open, and None where the class is no subclass of a generic one.
+    Returns a TypeVar if the class does not fix the argument, and None if no base class is generic.
     """
     for base in cls.__dict__.get("__orig_bases__", cls.__bases__):
         origin = get_origin(base) or base
@@ -49,19 +49,21 @@ def _parameters_of(cls: type) -> object:
             return next(iter(get_args(base)), None)
         if isinstance(origin, type) and issubclass(origin, Plugin):
             argument = _parameters_of(origin)
-            # The variables of a generic class stand in the order of the arguments that it gets.
+            # The type variables of a generic class have the same order as its arguments.
             variables = getattr(origin, "__parameters__", ())
             return get_args(base)[variables.index(argument)] if get_args(base) and argument in variables else argument
     return None
 
 
 class Plugin(ABC, Generic[P]):
-    """Base of every plugin; its type argument is its parameter model: `class Heartbeat(Plugin[HeartbeatParameters])`.
+    """Base class of every plugin. The type argument is its parameter class: `class Heartbeat(Plugin[Parameters])`.
 
-    The calls come in this order, once each unless said otherwise: `init`; then `update` before every step while the
-    plugin is active (`host.activate()`), and `on_reset` after every reset of the world; at the end `cleanup`, also
-    after an `init` that failed. They are all made on the physics thread, so a plugin needs no locks, and must not
-    block.
+    The server calls `init` once, then `update` before every step while the plugin is active (`host.activate()`) and
+    `on_reset` after every reset of the world, and at the end `cleanup` once, also if `init` failed. All calls are made
+    on the physics thread, so a plugin needs no locks and must not block.
+
+    Attributes:
+        parameters_type: The parameter class.
     """
 
     parameters_type: ClassVar[type[Parameters]] = Parameters
@@ -70,37 +72,37 @@ class Plugin(ABC, Generic[P]):
         super().__init_subclass__(**kwargs)
         argument = _parameters_of(cls)
         if isinstance(argument, TypeVar):
-            # A generic base that was subclassed without an argument, or not yet: its bound is what its code may use.
+            # The class is generic, or its generic base got no argument; its code may then use the variable's bound.
             argument = argument.__bound__
         if isinstance(argument, type) and issubclass(argument, Parameters):
             cls.parameters_type = argument
         elif argument is not None:
             raise TypeError(
-                f"the parameters of plugin {cls.__name__} are {argument!r}; "
-                "they must be a subclass of Parameters that is defined before the plugin"
+                f"the type argument of plugin {cls.__name__} is {argument!r}; "
+                "it must be a subclass of Parameters that is defined before the plugin"
             )
 
     @abstractmethod
     def init(self, host: Host, parameters: P) -> None:
-        """Looks names up once and creates publishers, subscriptions, services and timers.
+        """Looks up names and creates publishers, subscriptions, services and timers.
 
         Args:
-            host: What the plugin may use of the server; keep it.
+            host: The plugin's interface to the server; keep a reference to it.
             parameters: The validated parameters of this instance.
 
         Raises:
-            MjplugError: To refuse; the server then does not start, and the sentence is shown to the user.
+            MjplugError: Raise it to refuse the configuration; the server then does not start and shows the text.
         """
 
     def update(self) -> None:
         """Runs before every step while the plugin is active.
 
-        `data.xfrc_applied` and `data.qfrc_applied` are zero before the first plugin's update: add to them. Body poses
-        are those of the previous step until `host.kinematics()` is called.
+        `data.xfrc_applied` and `data.qfrc_applied` are zero before the first plugin's update; add forces to them. Body
+        poses are those of the previous step until `host.kinematics()` is called.
         """
 
     def on_reset(self) -> None:
-        """Runs after the world was reset, and waiting requests were closed: forget what belonged to the past."""
+        """Runs after the world was reset and waiting requests were refused. Discard data about the old state here."""
 
     def cleanup(self) -> None:
-        """Releases what `init` took, beyond what was created through the host."""
+        """Releases resources that `init` acquired. Everything created through the host is released automatically."""

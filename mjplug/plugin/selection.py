@@ -1,4 +1,4 @@
-"""From the configuration's plugin entries to classes with validated parameters; all mistakes at once."""
+"""Converts the plugin entries of a configuration to plugin classes with validated parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,14 @@ Classes = Mapping[str, type[Plugin[Any]]]
 
 @dataclass(frozen=True, slots=True)
 class Selected:
-    """One plugin instance to run; relative file names in its parameters count from the folders, first choice first."""
+    """One plugin instance to run.
+
+    Attributes:
+        name: The instance's name.
+        plugin_class: The plugin's class.
+        parameters: The validated parameters.
+        folders: Folders in which relative file names of the parameters are searched, in this order.
+    """
 
     name: str
     plugin_class: type[Plugin[Any]]
@@ -30,17 +37,18 @@ class Selected:
 
 
 def select(draft: Draft, classes: Classes = MappingProxyType({})) -> tuple[Loaded, list[Selected]]:
-    """Checks the plugin entries and returns the finished configuration with what it wants to run, in its order.
+    """Checks the plugin entries; returns the finished configuration and its plugin instances, in the file's order.
 
-    The folder of the configuration file may hold modules for `module:Class` types. While such a plugin runs, the folder
-    must be `importable`.
+    Modules of `module:Class` types are also searched in the folder of the configuration file. The folder must be
+    `importable` while such a plugin runs.
 
     Args:
         draft: The configuration.
-        classes: Plugin classes that need not be imported, by the type that the entries give.
+        classes: Plugin classes that are used instead of an import, by the type in the entries.
 
     Raises:
-        ConfigError: Anything is wrong with the configuration, unknown plugin types and wrong parameters included.
+        ConfigError: The configuration is invalid. The message lists all problems, including unknown plugin types and
+            invalid parameters.
     """
     selected: list[Selected] = []
     problems: list[Problem] = []

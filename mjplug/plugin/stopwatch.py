@@ -1,25 +1,25 @@
-"""How much time a plugin takes on the physics thread, measured at next to no cost."""
+"""Measures the time that a plugin takes on the physics thread, at little cost."""
 
 from collections.abc import Callable
 from time import perf_counter
 from typing import Protocol
 
-SAMPLES = 16
-"""How many updates are measured after each look; the others are not slowed down."""
+SAMPLES_PER_PERIOD = 16
+"""Number of updates measured in each period; the others run without measurement, at full speed."""
 
 
 class Updated(Protocol):
-    """What is updated before every step; `update` is looked up anew each time."""
+    """A stepper whose attribute `update` is read again before every step, so that it can be replaced."""
 
     update: Callable[[], None]
 
 
 class Stopwatch:
-    """Counts the time of one plugin. Physics thread only.
+    """Measures the time of one plugin instance. Physics thread only.
 
     Attributes:
-        calls: Timers, messages and requests that it was called for.
-        seconds: Time that those took [s].
+        calls: Calls for timers, messages and requests.
+        seconds: Wall time of these calls [s].
     """
 
     __slots__ = ("_left", "_measured", "_stepper", "_update", "calls", "seconds")
@@ -30,29 +30,33 @@ class Stopwatch:
         self._stepper: Updated | None = None
         self._update: Callable[[], None]
         self._measured = 0.0
-        self._left = SAMPLES
+        self._left = SAMPLES_PER_PERIOD
 
     def add(self, began: float) -> None:
-        """Counts a call that began at some time, by `perf_counter`, and ends now."""
+        """Counts a call that ends now.
+
+        Args:
+            began: Start of the call, by `perf_counter` [s].
+        """
         self.seconds += perf_counter() - began
         self.calls += 1
 
     def watch(self, stepper: Updated) -> None:
-        """Takes up the stepper whose updates are to be measured now and then."""
+        """Sets the stepper whose updates are measured."""
         self._stepper, self._update = stepper, stepper.update
 
     @property
     def measured(self) -> int:
-        """Updates that were measured since the last look; fewer than `SAMPLES`: there were no others."""
-        return SAMPLES - self._left
+        """Number of updates measured in this period; if fewer than `SAMPLES_PER_PERIOD`, there were no others."""
+        return SAMPLES_PER_PERIOD - self._left
 
     def update_time(self) -> float | None:
-        """Returns the mean time of the updates that were measured since the last look [s]; None if there were none.
+        """Returns the mean time of the updates measured in this period [s], and starts a new period.
 
-        The next ones will be measured.
+        Returns None if no update was measured.
         """
         count, measured = self.measured, self._measured
-        self._left, self._measured = SAMPLES, 0.0
+        self._left, self._measured = SAMPLES_PER_PERIOD, 0.0
         if self._stepper is not None:
             self._stepper.update = self._timed
         return measured / count if count else None

@@ -1,4 +1,4 @@
-"""What a plugin sees of the world: the model, its state and simulated time. Physics thread only."""
+"""The simulated world as a plugin uses it: model, state and simulated time. Physics thread only."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,17 +11,17 @@ from mjplug_schemas.builtin_interfaces import Time
 
 
 class WorldView:
-    """The world as a plugin sees it.
+    """The simulated world as a plugin uses it.
 
     Attributes:
-        model: The compiled model. Fixed for the life of the plugin.
-        data: The live state. What `init` caches of its arrays stays valid.
-        model_file: The model's file; None if it comes from none.
+        model: The compiled model. It does not change during the life of the plugin.
+        data: The current state. References to its arrays stay valid during the life of the plugin.
+        model_file: The model's file; None if the model was not loaded from a file.
 
     Args:
         simulation: The model and its state.
         model_file: The model's file.
-        folders: Where relative file names in the instance's parameters count from, first choice first.
+        folders: Folders in which relative file names of parameters are searched, in this order.
     """
 
     def __init__(self, simulation: Simulation, model_file: Path | None = None, folders: Sequence[Path] = ()) -> None:
@@ -33,12 +33,12 @@ class WorldView:
 
     @property
     def step(self) -> int:
-        """Steps taken since the server started."""
+        """Number of steps taken since the server started."""
         return self._simulation.step
 
     @property
     def epoch(self) -> int:
-        """Resets of the world since the server started."""
+        """Number of resets of the world since the server started."""
         return self._simulation.epoch
 
     @property
@@ -48,44 +48,50 @@ class WorldView:
 
     @property
     def sensor_time_ns(self) -> int:
-        """Simulated time of the state that `data.sensordata` belongs to [ns].
+        """Simulated time of the state from which `data.sensordata` was computed [ns].
 
-        A step computes the sensors first and integrates last, so after it they are one step older than `qpos`.
+        A step computes the sensors first and integrates last, so after a step they are one step older than `qpos`.
         """
         return self._simulation.time.ns(self._simulation.sensor_step)
 
     def now(self) -> Time:
-        """Returns the simulated time as a message, for stamps."""
+        """Returns the simulated time as a message, for time stamps."""
         return Time.from_ns(self.time_ns)
 
     def steps_covering(self, duration_ns: int) -> int:
-        """Returns the smallest number of steps that together last at least `duration_ns` [ns]."""
+        """Returns the smallest number of steps whose total length is at least `duration_ns` [ns]."""
         return self._simulation.time.steps_covering(duration_ns)
 
     def time_of(self, step: int) -> float:
-        """Returns the simulated time of a step boundary [s]."""
+        """Returns the simulated time after `step` steps [s]."""
         return self._simulation.time.seconds(step)
 
     def body_id(self, name: str) -> int:
         """Returns a body's id.
 
         Raises:
-            UnknownName: The model has no such body; the sentence lists those it has.
+            UnknownName: The model has no such body; the message lists the bodies.
         """
         return self._simulation.body_id(name)
 
     def find_file(self, name: str) -> Path:
-        """Returns the file that a parameter names: relative to the configuration file, absolute, or package://pkg/path.
+        """Returns the path of a file that a parameter names.
+
+        Args:
+            name: A path relative to the configuration file, an absolute path, or `package://<package>/<path>`.
 
         Raises:
-            ModelError: There is none; the sentence says where it was looked for.
+            ModelError: There is no such file; the message lists the searched locations.
         """
         return locate(name, self._folders)
 
     def kinematics(self) -> None:
-        """Makes `xpos`, `xquat`, `xmat` and `xipos` those of the current positions; a step leaves them older."""
+        """Computes `xpos`, `xquat`, `xmat` and `xipos` from the current positions. After a step they are out of date.
+
+        Shapes are (nbody, 3), (nbody, 4), (nbody, 9) and (nbody, 3), in the world frame.
+        """
         self._simulation.kinematics()
 
     def forward(self) -> None:
-        """Makes everything derived, sensors too, that of the current state; costs about a step."""
+        """Computes all derived quantities, including sensors, from the current state; costs as much as a step."""
         self._simulation.forward()

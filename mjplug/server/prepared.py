@@ -77,7 +77,7 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
         for warning in loaded.warnings:
             # A problem has several lines, and has escaped what it quotes.
             _log.warning("%s", warning, extra={"printable": True})
-        changes.enter_context(process.mujoco_tamed())
+        changes.enter_context(process.mujoco_configured())
         with _progress(f"compiling {settings.model}"):
             model = load_model(settings.model, *loaded.folders(("model",)))
         try:

@@ -14,7 +14,7 @@ import mujoco
 from mjplug.client import Client
 from mjplug.client.connection import open_client
 from mjplug.errors import MjplugError
-from mjplug.limits import LONGEST_TIME
+from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.log_scope import LogScope
 from mjplug.server.arguments import ConfigSource, PluginEntries, draft_of
 from mjplug.server.opened import OpenedServer
@@ -80,8 +80,8 @@ def open_server(
     """
     if not run and duration is not None:
         raise MjplugError("duration needs run=True; with run=False, call step")
-    if duration is not None and not 0.0 <= duration <= LONGEST_TIME:
-        raise MjplugError(f"duration is {duration:g} s; it must be from 0 to {LONGEST_TIME} s")
+    if duration is not None and not 0.0 <= duration <= MAX_SIMULATED_TIME:
+        raise MjplugError(f"duration is {duration:g} s; it must be from 0 to {MAX_SIMULATED_TIME} s")
     if not run and paused is False:
         raise MjplugError("paused=False needs run=True; with run=False, only step takes steps")
     scope = LogScope()

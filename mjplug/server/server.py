@@ -75,7 +75,7 @@ class Server:
         self._cleanups = ExitStack()
         self._times = PluginTimes(self.loop, perf_counter())
         # Before the diagnostics are published.
-        self.loop.on_second.append(self._times.look)
+        self.loop.on_second.append(self._times.refresh)
         host = self._host(settings.node_name, server_names(settings), disable_on_error=False)
         name = f"{settings.namespace}/{settings.node_name}"
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
@@ -104,7 +104,7 @@ class Server:
         if duration is not None:
             loop.last_step = loop.simulation.time.steps_covering(round(duration * 1e9))
         try:
-            with process.quick_switching():
+            with process.fast_thread_switching():
                 process.prefer_this_thread()
                 loop.run()
         finally:

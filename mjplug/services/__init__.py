@@ -1,1 +1,1 @@
-"""The server's own services, each offered through a host that resolves `~/x` to `/<namespace>/<node_name>/x`."""
+"""The server's own topics and services. Their host resolves `~/x` to `/<namespace>/<node_name>/x`."""

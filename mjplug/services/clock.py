@@ -1,4 +1,4 @@
-"""`/clock` and the reset counter: what the server says about time."""
+"""Publishes `/clock` and `~/epoch`, the number of resets."""
 
 from mjplug.physics.loop import Loop
 from mjplug.plugin import CLOCK, LATCHED, Host
@@ -7,10 +7,11 @@ from mjplug_schemas.std_msgs import UInt64
 
 
 def offer(host: Host, loop: Loop, rate: float) -> None:
-    """Publishes simulated time at `rate` [Hz], and whenever that alone would leave a listener without the time.
+    """Publishes simulated time on `/clock` at `rate` [Hz of simulated time].
 
-    That is: to a first listener at once; after every step request; after every reset; and once a second of wall time
-    while paused, for those who join later. `~/epoch` has the number of resets so far, latched.
+    `/clock` is also published when the first subscriber appears, after every step request, after every reset, and once
+    a second of wall time while paused, so that late subscribers get the time. `~/epoch` is latched and contains the
+    number of resets since the server started.
     """
 
     def tick() -> None:

@@ -1,4 +1,4 @@
-"""Checks requests that place free bodies: all entries before any is applied."""
+"""Validates requests that set the state of free bodies. All entries are checked before any is applied."""
 
 from collections.abc import Iterable
 
@@ -10,10 +10,10 @@ from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState
 
 
 def validate(simulation: Simulation, states: Iterable[FreeJointState]) -> list[FreeJointTarget]:
-    """Checks every entry and returns what to apply.
+    """Checks every entry and returns the targets to apply, in the order of the entries.
 
     Raises:
-        RequestError: An entry is wrong; the sentence has its index, its name and the reason.
+        RequestError: An entry is invalid; the message contains its index, its name and the reason.
     """
     targets: list[FreeJointTarget] = []
     first: dict[int, int] = {}
@@ -24,7 +24,8 @@ def validate(simulation: Simulation, states: Iterable[FreeJointState]) -> list[F
             raise RequestError(f"free_joints[{index}] ({quoted(state.name)}): {error}") from None
         if target.body in first:
             raise RequestError(
-                f"free_joints[{index}] ({quoted(state.name)}): already given as free_joints[{first[target.body]}]"
+                f"free_joints[{index}] ({quoted(state.name)}): duplicate of free_joints[{first[target.body]}]; "
+                "list each body once"
             )
         first[target.body] = index
         targets.append(target)

@@ -1,4 +1,4 @@
-"""The status `inbox`: what waits for the physics thread, and which messages newer ones have replaced."""
+"""The status `inbox`: calls that wait for the physics thread, and messages that newer ones replaced."""
 
 from mjplug.contracts.diagnostics import Diagnosis
 from mjplug.physics.inbox import Inbox
@@ -8,15 +8,18 @@ class InboxDiagnostics:
     """Reports on the calls that other threads post to the physics thread.
 
     Args:
-        inbox: What to look at.
+        inbox: The inbox of the physics loop.
     """
 
     def __init__(self, inbox: Inbox) -> None:
         self._inbox = inbox
 
     def diagnose(self) -> Diagnosis:
-        """Reports how many messages were replaced. That is normal where only the newest command counts: no warning."""
-        # A copy, since other threads add topics.
+        """Returns the number of waiting calls and of replaced messages.
+
+        The level is always OK: replaced messages are normal where only the newest command counts.
+        """
+        # Copied because other threads add topics.
         replaced = dict(sorted(dict(self._inbox.replaced).items()))
         total = sum(replaced.values())
         values: dict[str, object] = {

@@ -1,4 +1,4 @@
-"""The server's parameters, in the six services that ROS 2 tools know: `ros2 param list`, `get`, `set` and so on."""
+"""The server's parameters, served by the six parameter services of a ROS 2 node, for tools such as `ros2 param`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from mjplug.config.settings import Settings
 from mjplug.errors import RequestError, did_you_mean, quoted
-from mjplug.limits import FASTEST, SLOWEST
+from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug.near_names import Names
 from mjplug.physics.loop import Loop
 from mjplug.physics.pacing import Speed
@@ -42,14 +42,14 @@ _SCALARS: Final = dict(_FIELDS.values())
 
 
 @dataclass(frozen=True, slots=True)
-class Live:
+class ServerParameter:
     """One parameter.
 
     Attributes:
-        read: Returns its value at this moment.
-        plan: Checks a new value and returns what sets it, or raises a `RequestError` with the reason against it.
-        description: What it is, with its unit.
-        changeable: Whether `plan` accepts anything but the present value.
+        read: Returns the current value.
+        plan: Checks a new value and returns a function that sets it. Raises `RequestError` if the value is refused.
+        description: Description with the unit.
+        changeable: Whether `plan` accepts a value other than the current one.
     """
 
     read: Callable[[], Scalar]
@@ -59,60 +59,62 @@ class Live:
 
 
 def offer(host: Host, loop: Loop, settings: Settings) -> None:
-    """Declares the services. `sim.speed` can be set, everything else can be read."""
+    """Declares the services. Only `sim.speed` can be set; all other parameters are read-only."""
     services = ParameterServices(parameters(loop, settings))
-    for below, (kind, handler) in services.handlers.items():
-        host.create_service(kind, f"~/{below}", _service(handler))
+    for name, (kind, handler) in services.handlers.items():
+        host.create_service(kind, f"~/{name}", _service(handler))
 
 
-def parameters(loop: Loop, settings: Settings) -> dict[str, Live]:
+def parameters(loop: Loop, settings: Settings) -> dict[str, ServerParameter]:
     """Returns the parameters of a server by name."""
     described = type(settings.sim).model_fields
     found = {
-        "use_sim_time": fixed(True, "Always true: the server is where the time comes from."),
-        "model": fixed(settings.model, "The model, as the configuration names it."),
+        "use_sim_time": fixed(True, "Always true: the server publishes the simulated time."),
+        "model": fixed(settings.model, "The model, as written in the configuration."),
     }
     for name, value in settings.sim.model_dump(exclude={"speed", "paused", "initial_positions"}).items():
-        # ROS has no mappings for parameters.
+        # A ROS parameter cannot hold a mapping.
         if isinstance(value, Scalar):
             found[f"sim.{name}"] = fixed(value, described[name].description or "")
     for joint, position in settings.sim.initial_positions.items():
         found[f"sim.initial_positions.{joint}"] = fixed(position, described["initial_positions"].description or "")
-    found["sim.paused"] = Live(
+    found["sim.paused"] = ServerParameter(
         lambda: loop.paused,
-        lambda value: _unchanged(value, loop.paused, "it is set with the service ~/set_pause"),
-        "Whether simulated time stands still.",
+        lambda value: _unchanged(value, loop.paused, "use the service ~/set_pause"),
+        "Whether the simulation is paused.",
     )
 
     def plan_speed(value: Scalar | None) -> Apply:
         speed = _speed(value)
         return lambda: loop.set_speed(speed)
 
-    found["sim.speed"] = Live(lambda: loop.pacer.speed, plan_speed, described["speed"].description or "", True)
+    found["sim.speed"] = ServerParameter(
+        lambda: loop.pacer.speed, plan_speed, described["speed"].description or "", True
+    )
     return found
 
 
-def fixed(value: Scalar, description: str = "") -> Live:
-    """Returns a parameter that stays as it is."""
-    return Live(
-        lambda: value, lambda new: _unchanged(new, value, "it comes from the configuration of the server"), description
+def fixed(value: Scalar, description: str = "") -> ServerParameter:
+    """Returns a read-only parameter."""
+    return ServerParameter(
+        lambda: value, lambda new: _unchanged(new, value, "set it in the configuration and restart"), description
     )
 
 
 class ParameterServices:
-    """What the six services answer.
+    """The handlers of the six parameter services.
 
     Args:
         parameters: The parameters by name.
     """
 
-    def __init__(self, parameters: Mapping[str, Live]) -> None:
+    def __init__(self, parameters: Mapping[str, ServerParameter]) -> None:
         self._parameters = dict(sorted(parameters.items()))
         self._names = Names(parameters)
 
     @property
     def handlers(self) -> Mapping[str, tuple[type[Service], Callable[[Any], Message]]]:
-        """The services by their names below that of the node."""
+        """Service type and handler by service name; the names are relative to the node's."""
         return {
             "describe_parameters": (DescribeParameters, self._describe),
             "get_parameters": (GetParameters, self._get),
@@ -159,62 +161,62 @@ class ParameterServices:
         return SetParametersAtomically.Response(result=result)
 
     def _plan(self, parameter: Parameter) -> Apply:
-        name, live = parameter.name, self._parameters.get(parameter.name)
-        if live is None:
+        name, found = parameter.name, self._parameters.get(parameter.name)
+        if found is None:
             raise RequestError(
-                f"there is no parameter {quoted(name)}{did_you_mean(name, self._names)}; "
-                f"there are {', '.join(self._parameters)}"
+                f"unknown parameter {quoted(name)}{did_you_mean(name, self._names)}; "
+                f"known: {', '.join(self._parameters)}"
             )
         try:
-            return live.plan(_scalar(parameter.value))
+            return found.plan(_scalar(parameter.value))
         except RequestError as error:
             raise RequestError(f"parameter {name!r}: {error}") from None
 
     def _value(self, name: str) -> ParameterValue:
-        live = self._parameters.get(name)
-        return _NOT_SET if live is None else parameter_value(live.read())
+        found = self._parameters.get(name)
+        return _NOT_SET if found is None else parameter_value(found.read())
 
     def _descriptor(self, name: str) -> ParameterDescriptor:
-        live = self._parameters.get(name)
-        if live is None:
+        found = self._parameters.get(name)
+        if found is None:
             return ParameterDescriptor(name=name)
         return ParameterDescriptor(
             name=name,
             type=self._value(name).type,
-            description=live.description,
-            read_only=not live.changeable,
-            # `max` and 2.0 are of different types.
-            dynamic_typing=live.changeable,
+            description=found.description,
+            read_only=not found.changeable,
+            # `sim.speed` is a number or the string `max`.
+            dynamic_typing=found.changeable,
         )
 
 
 def parameter_value(value: Scalar) -> ParameterValue:
-    """Returns a value as ROS has it."""
+    """Returns a Python value as a ROS message."""
     kind, field = _FIELDS[type(value)]
     return ParameterValue(**{"type": kind, field: value})
 
 
 def _scalar(value: ParameterValue) -> Scalar | None:
-    """Returns a value as Python has it; None for lists and for nothing, which no parameter here is."""
+    """Returns the Python value of a ROS message; None for arrays and for PARAMETER_NOT_SET, which are not supported."""
     field = _SCALARS.get(value.type)
     scalar: Scalar | None = None if field is None else getattr(value, field)
     return scalar
 
 
-def _unchanged(new: Scalar | None, value: Scalar, way_out: str) -> Apply:
-    """Accepts what changes nothing: launch files set `use_sim_time` on every node."""
+def _unchanged(new: Scalar | None, value: Scalar, remedy: str) -> Apply:
+    """Accepts only the current value: launch files set `use_sim_time` on every node, which must not fail."""
     if type(new) is not type(value) or new != value:
-        raise RequestError(f"it is read-only; {way_out}")
+        raise RequestError(f"it is read-only; {remedy}")
     return lambda: None
 
 
 def _speed(value: Scalar | None) -> Speed:
     if value == "max":
         return "max"
-    if isinstance(value, int | float) and not isinstance(value, bool) and SLOWEST <= value <= FASTEST:
+    if isinstance(value, int | float) and not isinstance(value, bool) and MIN_SPEED <= value <= MAX_SPEED:
         return float(value)
     shown = quoted(value) if isinstance(value, str) else repr(value)
-    raise RequestError(f"it must be a number from {SLOWEST:g} to {FASTEST:g}, or 'max', not {shown}")
+    raise RequestError(f"it must be a number from {MIN_SPEED:g} to {MAX_SPEED:g}, or 'max', not {shown}")
 
 
 def _service(handler: Callable[[Any], Message]) -> Callable[[Any, Call], Message]:
@@ -222,7 +224,10 @@ def _service(handler: Callable[[Any], Message]) -> Callable[[Any, Call], Message
 
 
 def _is_below(name: str, prefixes: Sequence[str], depth: int) -> bool:
-    """Whether a name is in one of the groups, at most `depth` levels down; depth 0 is no limit."""
+    """Returns whether a name starts with one of the prefixes and is at most `depth` levels below it.
+
+    Depth 0 means no limit. Without prefixes, every name of at most `depth` levels matches.
+    """
     if not prefixes:
         return depth == 0 or name.count(".") < depth
     for prefix in prefixes:

@@ -1,15 +1,15 @@
-"""The status `plugins`: how much time each plugin takes on the physics thread."""
+"""The status `plugins`: the time that each plugin instance takes on the physics thread."""
 
 from mjplug.contracts.diagnostics import Diagnosis
 from mjplug.physics.loop import Loop
-from mjplug.plugin.stopwatch import SAMPLES, Stopwatch
+from mjplug.plugin.stopwatch import SAMPLES_PER_PERIOD, Stopwatch
 
 
 class PluginTimes:
-    """Reports on the span of time between two looks.
+    """Reports on the period between the last two calls of `refresh`.
 
     Args:
-        loop: What calls the plugins.
+        loop: The loop that calls the plugins.
         now: Wall time [s].
     """
 
@@ -22,11 +22,11 @@ class PluginTimes:
         self._total = 0.0
 
     def add(self, name: str) -> Stopwatch:
-        """Returns the stopwatch of an instance."""
+        """Returns the stopwatch of a plugin instance; creates it if there is none."""
         return self._watches.setdefault(name, Stopwatch())
 
-    def look(self, now: float) -> None:
-        """Ends the span that `diagnose` reports on, and begins the next.
+    def refresh(self, now: float) -> None:
+        """Ends the current period, which `diagnose` then reports on, and starts the next one.
 
         Args:
             now: Wall time [s].
@@ -39,8 +39,9 @@ class PluginTimes:
             update, busy, calls = watch.update_time(), watch.seconds, watch.calls
             watch.seconds, watch.calls = 0.0, 0
             if update is not None:
-                # An estimate once not all were measured: it may have been active in some of these steps only.
-                busy += update * (steps if measured == SAMPLES else measured)
+                # If not every update was measured, this is an upper estimate: the plugin may have been active in only
+                # some of these steps.
+                busy += update * (steps if measured == SAMPLES_PER_PERIOD else measured)
             if seconds <= 0 or not busy:
                 continue
             self._total += busy / seconds
@@ -50,5 +51,5 @@ class PluginTimes:
                 self._values[f"{name} update (us)"] = 1e6 * update
 
     def diagnose(self) -> Diagnosis:
-        """Says how the span was."""
+        """Returns the CPU share of each plugin instance in the last period."""
         return Diagnosis(message=f"{100.0 * self._total:.3g} % of the time", values=self._values)

@@ -1,4 +1,4 @@
-"""Checks a request to reset the world, whole, before anything is applied."""
+"""Validates requests to reset the world. The whole request is checked before anything is applied."""
 
 import math
 
@@ -18,12 +18,12 @@ def validate(simulation: Simulation, keyframe: str, overrides: SimulationState) 
     """Checks a whole request and returns the reset to apply.
 
     Args:
-        simulation: Whose model the names mean.
+        simulation: The simulation whose model defines the names.
         keyframe: Name or index of a keyframe; empty means the initial state.
-        overrides: What to change on top of it.
+        overrides: Joint and free body states to set after the keyframe or initial state.
 
     Raises:
-        RequestError: Something in it is wrong; the sentence says what, and nothing has been touched.
+        RequestError: A value is invalid; the message contains it and the allowed ones. The state is unchanged.
     """
     return Reset(
         keyframe=simulation.keyframe_id(keyframe) if keyframe else None,
@@ -35,14 +35,14 @@ def validate(simulation: Simulation, keyframe: str, overrides: SimulationState) 
 def _joint_overrides(simulation: Simulation, states: JointState) -> list[JointOverride]:
     count = len(states.name)
     if states.effort:
-        raise RequestError("joint_states.effort cannot be reset: leave it empty")
+        raise RequestError("joint_states.effort cannot be set by a reset; leave it empty")
     for part, values in (("position", states.position), ("velocity", states.velocity)):
         if values and len(values) != count:
             raise RequestError(
                 f"joint_states.{part} has {len(values)} entries for {count} names; give one for each name, or none"
             )
     if count and not states.position and not states.velocity:
-        raise RequestError("joint_states names joints, but gives neither positions nor velocities")
+        raise RequestError("joint_states has names, but neither position nor velocity; give at least one of them")
     overrides: list[JointOverride] = []
     first: dict[int, int] = {}
     for index, name in enumerate(states.name):
@@ -54,7 +54,8 @@ def _joint_overrides(simulation: Simulation, states: JointState) -> list[JointOv
             raise RequestError(f"joint_states[{index}] ({quoted(name)}): {error}") from None
         if override.joint in first:
             raise RequestError(
-                f"joint_states[{index}] ({quoted(name)}): already given as joint_states[{first[override.joint]}]"
+                f"joint_states[{index}] ({quoted(name)}): duplicate of joint_states[{first[override.joint]}]; "
+                "list each joint once"
             )
         first[override.joint] = index
         overrides.append(override)
@@ -67,13 +68,13 @@ def _joint_override(simulation: Simulation, name: str, position: float | None, v
     kind = int(model.jnt_type[joint])
     if kind not in _SCALAR:
         if kind == mujoco.mjtJoint.mjJNT_FREE:
-            raise RequestError("this is a free joint; place its body through state_overrides.free_joints")
+            raise RequestError("this is a free joint; set its body's state in state_overrides.free_joints")
         raise RequestError("this is a ball joint; only hinge and slide joints can be overridden")
     for part, value in (("position", position), ("velocity", velocity)):
         if value is not None and not math.isfinite(value):
             raise RequestError(f"{part} is {value:g}; it must be finite")
         if value is not None and abs(value) >= mujoco.mjMAXVAL:
-            raise RequestError(f"{part} is {value:g}; MuJoCo takes nothing beyond {mujoco.mjMAXVAL:g}")
+            raise RequestError(f"{part} is {value:g}; its absolute value must be below {mujoco.mjMAXVAL:g}")
     if position is not None and model.jnt_limited[joint]:
         low, high = model.jnt_range[joint]
         if not low <= position <= high:

@@ -1,4 +1,4 @@
-"""`~/reset_world`: the initial state or a keyframe, with overrides, all or nothing."""
+"""`~/reset_world`: resets the world to the initial state or a keyframe, with overrides."""
 
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
@@ -8,7 +8,10 @@ from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 
 
 def offer(host: Host, loop: Loop) -> None:
-    """Declares the service; simulated time goes on through a reset, and pause stays as it is."""
+    """Declares the service.
+
+    An invalid request changes nothing. A reset changes neither simulated time nor whether the simulation is paused.
+    """
 
     def reset_world(request: ResetWorld.Request, call: Call) -> ResetWorld.Response:
         try:

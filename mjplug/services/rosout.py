@@ -1,4 +1,4 @@
-"""`/rosout`: what the server and its plugins log, for rqt_console and its like."""
+"""Publishes the log of the server and its plugins on `/rosout`, for tools such as rqt_console."""
 
 import logging
 import threading
@@ -13,13 +13,13 @@ from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.rcl_interfaces import Log
 
 ROSOUT = QoS(depth=1000, durability="transient_local")
-"""What rcl publishes logs with."""
+"""The QoS of `/rosout` in rcl."""
 
-MOST_WAITING = 1000
-"""How many lines may wait to be published; then the oldest are dropped."""
+MAX_WAITING_LINES = 1000
+"""Maximum number of log lines that wait to be published; when it is reached, the oldest is dropped."""
 
-AT_ONCE = 20
-"""How many lines are published between two steps; the others wait for the next turn."""
+MAX_LINES_PER_TURN = 20
+"""Maximum number of lines published between two steps; the others wait for the next turn of the loop."""
 
 _LEVELS = (Log.FATAL, Log.ERROR, Log.WARN, Log.INFO)
 _UINT32 = (1 << 32) - 1
@@ -28,35 +28,35 @@ _log = logging.getLogger(__name__)
 
 
 def offer(host: Host, loop: Loop, server: str, packages: Iterable[str] = ()) -> Callable[[], None]:
-    """Publishes every line of this server that is logged from now on, whether somebody listens or not.
+    """Publishes every log line of this server from now on, with or without subscribers.
 
-    In a `LogScope`, these are the lines of the scope, from loggers of mjplug and of the plugins' packages. Outside of
-    any, they are all lines of the process that belong to no other server.
+    In a `LogScope`, these are the lines of the scope, from loggers of mjplug and of the plugins' packages. Without a
+    scope, these are all lines of the process that belong to no other server.
 
     Args:
         host: The server's own host.
-        loop: Lines of other threads get to the physics thread through its inbox.
+        loop: The loop whose inbox passes lines of other threads to the physics thread.
         server: The server's full name, such as `/robot1/mjplug`.
         packages: The top-level packages of the plugins.
 
     Returns:
-        What ends it, with the lines that still wait; for the physics thread.
+        A function that publishes the waiting lines and stops publishing. Call it on the physics thread.
     """
     handler = _Handler(host.create_publisher(Log, "/rosout", ROSOUT), loop, server)
-    # The root logger is the program's: with a handler there, `logging.basicConfig` would do nothing.
+    # In a scope not at the root logger: with a handler there, the program's `logging.basicConfig` would do nothing.
     handler.begin([ROOT] if current_scope() is None else ["mjplug", *packages])
     return handler.end
 
 
 class _Handler(logging.Handler):
-    """Keeps lines until the physics thread publishes them. It never blocks and never logs of itself."""
+    """Keeps lines until the physics thread publishes them. It never blocks."""
 
     def __init__(self, publisher: Publisher[Log], loop: Loop, server: str) -> None:
         super().__init__()
         self._publisher = publisher
         self._loop = loop
         self._server = server.strip("/").replace("/", ".")
-        self._waiting: deque[Log] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Log] = deque(maxlen=MAX_WAITING_LINES)
         self._posted = False
         self._dropped = 0
         self._publishing: int | None = None
@@ -64,12 +64,12 @@ class _Handler(logging.Handler):
         self._stop_receiving: Callable[[], None] = _nothing
 
     def begin(self, loggers: Sequence[str]) -> None:
-        """Takes lines from now on."""
+        """Starts receiving the lines of some loggers."""
         self._stop_receiving = receive(self, loggers)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Takes a line, on any thread; `logging` lets one thread in at a time."""
-        # What publishing itself logs would make it publish for ever.
+        """Queues a line, on any thread; `logging` holds the handler's lock meanwhile."""
+        # A line logged by `_publish` itself would be published in turn, without end.
         if self._publishing == threading.get_ident():
             return
         try:
@@ -77,14 +77,14 @@ class _Handler(logging.Handler):
         except Exception:
             self.handleError(record)
             return
-        self._dropped += len(self._waiting) == MOST_WAITING
+        self._dropped += len(self._waiting) == MAX_WAITING_LINES
         self._waiting.append(line)
         if not self._posted:
             self._posted = True
             self._loop.inbox.post(self._publish)
 
     def end(self) -> None:
-        """Publishes what waits, and takes no more."""
+        """Stops receiving lines, and publishes the waiting ones."""
         self._stop_receiving()
         while self._waiting:
             self._publish()
@@ -95,14 +95,14 @@ class _Handler(logging.Handler):
         try:
             if self._dropped:
                 dropped, self._dropped = self._dropped, 0
-                text = f"{dropped} lines came faster than they could be published, and are missing here"
+                text = f"{dropped} log lines were dropped because they came faster than they could be published"
                 self._publisher.publish(Log(level=Log.WARN, name=self._server, msg=text))
-            for _ in range(min(AT_ONCE, len(self._waiting))):
+            for _ in range(min(MAX_LINES_PER_TURN, len(self._waiting))):
                 self._publisher.publish(self._waiting.popleft())
         except Exception:
             self._stop_receiving()
             self._waiting.clear()
-            _log.exception("the log cannot be published, so /rosout ends here")
+            _log.exception("publishing to /rosout failed; no further log lines are published")
         finally:
             self._publishing = None
         if self._waiting and not self._posted:
@@ -111,7 +111,7 @@ class _Handler(logging.Handler):
 
     def _line(self, record: logging.LogRecord) -> Log:
         return Log(
-            # As in ROS, not the simulated time: a log tells when its reader could have looked.
+            # Wall time, as in ROS.
             stamp=Time.from_ns(int(record.created * 1e9)),
             level=next((level for level in _LEVELS if record.levelno >= level), Log.DEBUG),
             name=ros_string(self._name_of(record.name)),
@@ -122,7 +122,11 @@ class _Handler(logging.Handler):
         )
 
     def _name_of(self, logger: str) -> str:
-        """Returns what ROS would call a logger: that of an instance is the server's child, as are strangers'."""
+        """Returns the ROS name of a logger.
+
+        mjplug's own modules log under the server's name. Plugin instances and other libraries log under
+        `<server>.<name>`.
+        """
         instance = logger.removeprefix(f"{INSTANCES}.")
         if instance == logger and (logger == "mjplug" or logger.startswith("mjplug.")):
             return self._server

@@ -1,4 +1,4 @@
-"""`~/set_free_joint_state`: places free bodies and gives them velocities, all or none."""
+"""`~/set_free_joint_state`: sets poses and velocities of free bodies."""
 
 from mjplug.physics import free_joint
 from mjplug.physics.loop import Loop
@@ -8,7 +8,10 @@ from mjplug_schemas.mujoco_ros2_control_msgs import SetFreeJointState
 
 
 def offer(host: Host, loop: Loop) -> None:
-    """Declares the service; everything derived from the state is up to date when it answers."""
+    """Declares the service.
+
+    An invalid request changes nothing. All derived quantities are up to date before the response is sent.
+    """
 
     def set_free_joint_state(request: SetFreeJointState.Request, call: Call) -> SetFreeJointState.Response:
         targets = validate(loop.simulation, request.free_joints)

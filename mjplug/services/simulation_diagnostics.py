@@ -1,4 +1,4 @@
-"""The status `simulation`: whether physics keeps up, and what it has been through."""
+"""The status `simulation`: speed, load, resets and divergences of the physics loop."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,15 @@ from mjplug.physics.timing import Timing, percentiles
 
 
 @dataclass(frozen=True, slots=True)
-class _Mark:
-    """The loop's counts at one wall time [s]."""
+class _Counts:
+    """The loop's counters at one wall time.
+
+    Attributes:
+        at: The wall time [s].
+        step: Steps taken.
+        divergences: Divergences.
+        drops: How often lag was dropped.
+    """
 
     at: float
     step: int
@@ -17,34 +24,34 @@ class _Mark:
     drops: int
 
     @staticmethod
-    def of(loop: Loop, now: float) -> "_Mark":
-        return _Mark(now, loop.simulation.step, loop.recovery.count, loop.pacer.drops)
+    def of(loop: Loop, now: float) -> "_Counts":
+        return _Counts(now, loop.simulation.step, loop.recovery.count, loop.pacer.drops)
 
 
 class SimulationDiagnostics:
-    """Reports on the span of time between two looks at the loop.
+    """Reports on the period between the last two calls of `refresh`.
 
     Args:
-        loop: What to look at.
+        loop: The loop to report on.
         now: Wall time [s].
     """
 
     def __init__(self, loop: Loop, now: float) -> None:
         self._loop = loop
-        self._from = self._to = _Mark.of(loop, now)
+        self._from = self._to = _Counts.of(loop, now)
         self._timing = Timing()
 
-    def look(self, now: float) -> None:
-        """Ends the span that `diagnose` reports on, and begins the next.
+    def refresh(self, now: float) -> None:
+        """Ends the current period, which `diagnose` then reports on, and starts the next one.
 
         Args:
             now: Wall time [s].
         """
-        self._from, self._to = self._to, _Mark.of(self._loop, now)
+        self._from, self._to = self._to, _Counts.of(self._loop, now)
         self._timing = self._loop.timing.take()
 
     def diagnose(self) -> Diagnosis:
-        """Says how the span was."""
+        """Returns the status of the last period."""
         loop, timing = self._loop, self._timing
         seconds, steps = self._to.at - self._from.at, self._to.step - self._from.step
         rate = steps / seconds if seconds > 0 else 0.0
@@ -76,10 +83,10 @@ class SimulationDiagnostics:
     def _verdict(self, factor: float) -> tuple[Level, str]:
         loop = self._loop
         divergences, drops = self._to.divergences - self._from.divergences, self._to.drops - self._from.drops
-        if loop.recovery.stuck(loop.simulation):
+        if loop.recovery.before_diverged_step(loop.simulation):
             return Level.ERROR, loop.recovery.last
         if divergences:
             return Level.WARN, f"{loop.recovery.last}; {divergences} in the last second"
         if drops:
-            return Level.WARN, f"physics cannot keep up: {factor:.3g} x real time, {loop.pacer.speed} is wanted"
+            return Level.WARN, f"physics cannot keep up: {factor:.3g} x real time, sim.speed is {loop.pacer.speed}"
         return Level.OK, "paused" if loop.paused else f"running at {factor:.3g} x real time"

@@ -1,4 +1,4 @@
-"""`~/step_simulation`: takes an exact number of steps from pause, at full speed."""
+"""`~/step_simulation`: takes an exact number of steps at full speed while the simulation is paused."""
 
 from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host, RequestError, Slow
@@ -6,7 +6,7 @@ from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 
 
 def offer(host: Host, loop: Loop) -> None:
-    """Declares the service; its answer comes when the last step has been taken, or when it cannot be."""
+    """Declares the service. The response is sent after the last step, or when the request is cancelled."""
 
     def step_simulation(request: StepSimulation.Request, call: Call) -> Slow:
         if not loop.paused:
@@ -17,7 +17,7 @@ def offer(host: Host, loop: Loop) -> None:
         try:
             yield goal.ended
         finally:
-            loop.goals.withdraw(goal)
+            loop.goals.remove(goal)
         if goal.failure:
             taken = max(0, min(host.step, goal.target) - goal.start)
             raise RequestError(f"{goal.failure} ({taken} of {request.steps} steps were taken)")

@@ -45,7 +45,7 @@ class ChildRunner:
     """
 
     def __init__(self, setup: ChildSetup, model: bytes, states: int | str) -> None:
-        process.tame_mujoco()
+        process.configure_mujoco()
         self._setup = setup
         self._model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": model})
         self._data = mujoco.MjData(self._model)

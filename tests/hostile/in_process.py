@@ -58,7 +58,7 @@ class Target:
     """A server on a `ByteTransport`."""
 
     def __init__(self):
-        process.tame_mujoco()
+        process.configure_mujoco()
         loaded, plugins = select(read(WORLD, environ={}))
         model = load_model(loaded.settings.model, *loaded.folders(("model",)))
         self.simulation = Simulation(model.model, "")

@@ -1,7 +1,7 @@
 import threading
 import time
 
-from mjplug.physics.inbox import MANY_OVERRUNS, REPORT_SECONDS, Inbox
+from mjplug.physics.inbox import MIN_REPORTED_OVERRUNS, REPORT_INTERVAL, Inbox
 
 
 def test_a_short_wait_ends_even_if_the_call_before_it_was_drained():
@@ -42,12 +42,12 @@ def test_a_drain_that_runs_out_of_time_leaves_the_rest_and_is_counted():
 
 def test_a_flood_has_one_line_in_the_log_for_each_span_and_a_few_slow_calls_have_none(caplog):
     inbox = Inbox()
-    inbox.overruns += MANY_OVERRUNS - 1
+    inbox.overruns += MIN_REPORTED_OVERRUNS - 1
     inbox.report(100.0)
     assert caplog.messages == []
     for second in range(30):
-        inbox.overruns += MANY_OVERRUNS
+        inbox.overruns += MIN_REPORTED_OVERRUNS
         inbox.report(101.0 + second)
-    assert len(caplog.messages) == 30 / REPORT_SECONDS
-    assert "requests and messages come in faster than they can be handled: 0 wait" in caplog.messages[0]
+    assert len(caplog.messages) == 30 / REPORT_INTERVAL
+    assert "requests and messages arrive faster than they can be handled: 0 are waiting" in caplog.messages[0]
     assert caplog.messages[1].endswith("(9 more since the last line)")

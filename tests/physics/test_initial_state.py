@@ -97,11 +97,14 @@ def test_a_file_without_controls_lets_servos_hold_its_pose(start):
     ("file", "sentence"),
     [
         ("<key/>", "start.xml:1: <key> has no qpos"),
-        (f'\n\n<key qpos="{QPOS}" ctrl="1"/>', "start.xml:3: ctrl has 1 numbers, but the model has 2"),
-        ('<key qpos="1 2 3"/>', "start.xml:1: qpos has 3 numbers, but the model has 21"),
-        (f'<key qpos="{QPOS}" qvel="{"zero " * 18}"/>', "start.xml:1: qvel has 'zero', which is no number"),
-        (f'<key qpos="{QPOS.replace(".4", "nan")}"/>', "start.xml:1: qpos has 'nan'; MuJoCo takes nothing infinite"),
-        (f'<mujoco><key qpos="{QPOS}"/></mujoco>', "start.xml:1: the root of a start-position file is <key"),
+        (f'\n\n<key qpos="{QPOS}" ctrl="1"/>', "start.xml:3: ctrl has 1 numbers; the model needs 2"),
+        ('<key qpos="1 2 3"/>', "start.xml:1: qpos has 3 numbers; the model needs 21"),
+        (f'<key qpos="{QPOS}" qvel="{"zero " * 18}"/>', "start.xml:1: qvel contains 'zero', which is not a number"),
+        (f'<key qpos="{QPOS.replace(".4", "nan")}"/>', "start.xml:1: qpos contains 'nan'; it must be finite"),
+        (
+            f'<mujoco><key qpos="{QPOS}"/></mujoco>',
+            "start.xml:1: the root element is <mujoco>; a start-position file needs <key",
+        ),
         ("<key\n<<", "start.xml:2: not well-formed"),
     ],
 )
@@ -122,7 +125,7 @@ def test_all_wrong_positions_come_out_at_once_with_their_places(start):
     text = str(caught.value)
     assert "sim.initial_positions.sholder: unknown joint 'sholder', did you mean 'shoulder'?" in text
     assert "sim.initial_positions.shoulder: 2 is outside the joint's range [-1.5, 1.5]" in text
-    assert "sim.initial_positions.socket: only hinge and slide joints have one position" in text
+    assert "sim.initial_positions.socket: it is neither a hinge nor a slide joint" in text
     assert "elbow" not in text.partition("known:")[0]
     assert text.count("robot.yaml:3:") == 3
 

@@ -1,7 +1,7 @@
 import pytest
 
-from mjplug.limits import FASTEST, LONGEST_STEP, SHORTEST_STEP, SLOWEST
-from mjplug.physics.pacing import LARGEST_LAG, REPORT_SECONDS, Pacer
+from mjplug.limits import MAX_SPEED, MAX_TIMESTEP, MIN_SPEED, MIN_TIMESTEP
+from mjplug.physics.pacing import MAX_LAG, REPORT_INTERVAL, Pacer
 from mjplug.physics.step_time import StepTime
 
 
@@ -37,7 +37,7 @@ def test_small_lag_is_caught_up_and_large_lag_is_dropped_and_counted(caplog):
     assert p.dropped == pytest.approx(0.898)
     assert p.deadline(151) == pytest.approx(51.0)
     assert "physics cannot keep up: 0.9 s" in caplog.text
-    assert LARGEST_LAG == 0.1
+    assert MAX_LAG == 0.1
 
 
 def test_short_steps_are_not_woken_up_for_one_by_one():
@@ -46,13 +46,13 @@ def test_short_steps_are_not_woken_up_for_one_by_one():
     assert pacer(timestep=0.0001, speed=10.0).steps_per_wake == 100
 
 
-@pytest.mark.parametrize("speed", [SLOWEST, 1.0, FASTEST])
-@pytest.mark.parametrize("timestep", [SHORTEST_STEP, 0.002, LONGEST_STEP])
+@pytest.mark.parametrize("speed", [MIN_SPEED, 1.0, MAX_SPEED])
+@pytest.mark.parametrize("timestep", [MIN_TIMESTEP, 0.002, MAX_TIMESTEP])
 @pytest.mark.parametrize("lag", [0.0, 1e-9, 0.05, 1e3, 1e6])
 def test_every_allowed_speed_and_time_step_can_be_paced(speed, timestep, lag):
     p = pacer(speed=speed, timestep=timestep)
     due = p.due(100, 50.0 + lag)
-    caught_up = min(lag, LARGEST_LAG + p.period)
+    caught_up = min(lag, MAX_LAG + p.period)
     assert due - 100 == pytest.approx(caught_up / p.period, rel=0.02, abs=1.0)
     assert p.steps_per_wake >= 1
     assert p.deadline(due) <= 50.0 + lag + 1e-6 * p.period + 1e-6
@@ -72,4 +72,4 @@ def test_lag_that_is_dropped_again_and_again_has_one_line_for_each_span(caplog):
         now += 1.0
         p.due(100, now)
     assert p.drops == 30
-    assert len(caplog.messages) == 30 / REPORT_SECONDS
+    assert len(caplog.messages) == 30 / REPORT_INTERVAL

@@ -32,7 +32,7 @@ def test_where_the_platform_lacks_a_measure_the_server_goes_on_without_it():
 
 @pytest.fixture
 def _mujoco_tamed():
-    with process.mujoco_tamed(), LogScope().active():
+    with process.mujoco_configured(), LogScope().active():
         yield
 
 
@@ -58,6 +58,6 @@ def test_a_warning_of_mujoco_that_repeats_does_not_fill_the_log(monkeypatch, cap
         diverge()
     assert [len(lines(kind)) for kind in ("QVEL", "QACC")] == [1, 1]
     assert "MuJoCo: Nan, Inf or huge value in QVEL at DOF 0" in lines("QVEL")[0]
-    now[0] = process.WARNING_SECONDS
+    now[0] = process.WARNING_INTERVAL
     diverge()
     assert lines("QVEL")[1].endswith("(19 more since the last line)")

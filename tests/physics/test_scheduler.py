@@ -224,16 +224,16 @@ def test_a_reset_restarts_the_phase_of_every_timer():
 
 
 def test_an_unwanted_timer_sleeps_and_wakes_in_its_old_phase():
-    scheduler, fired, wanted, now = Clocked(), [], [True], 0
-    timer = scheduler.every(Fraction(10, 3), lambda: fired.append(now), 0, wanted=lambda: wanted[0])
+    scheduler, fired, has_subscriber, now = Clocked(), [], [True], 0
+    timer = scheduler.every(Fraction(10, 3), lambda: fired.append(now), 0, while_true=lambda: has_subscriber[0])
     for now in range(1, 8):
         scheduler.run_due(now)
-    wanted[0] = False
+    has_subscriber[0] = False
     for now in range(8, 30):
         scheduler.run_due(now)
     assert fired == [4, 7]
     assert scheduler.next_due == NEVER
-    wanted[0] = True
+    has_subscriber[0] = True
     scheduler.wake(timer, 29)
     scheduler.wake(timer, 29)
     for now in range(30, 41):
@@ -306,7 +306,8 @@ def test_a_service_that_never_lets_time_go_on_is_ended(caplog):
     scheduler.start(work(), answers)
     assert cleaned == [True]
     assert answers.refusals == [
-        "internal error: it waited 10000 times in a row for what was past; a step later is `host.step + 1`"
+        "internal error: the service yielded 10000 steps or events in a row that were already past; "
+        "yield `host.step + 1` to wait for the next step"
     ]
     assert scheduler.waiting == 0
     assert "a service was ended" in caplog.text

@@ -7,7 +7,7 @@ import pytest
 from conftest import World
 
 from mjplug.errors import MjplugError
-from mjplug.physics.memory import Saved
+from mjplug.physics.memory import SavedArrays
 from mjplug.physics.reset import Reset
 from mjplug.plugin import Parameters, Plugin
 
@@ -91,14 +91,14 @@ def test_a_held_velocity_outranks_an_override_of_the_same_step(world):
 def test_a_degree_of_freedom_that_is_not_there_is_refused(world, dof):
     with pytest.raises(MjplugError) as caught:
         world.host().create_velocity_hold((0, dof))
-    assert str(caught.value) == f"the model has no degree of freedom {dof}; its 7 are numbered from 0"
+    assert str(caught.value) == f"degree of freedom {dof} does not exist; the model has 7, numbered from 0"
 
 
 @pytest.mark.parametrize("values", [(math.nan, 0.0), (math.inf, -math.inf), (1.0,), (1.0, 2.0, 3.0)])
 def test_what_cannot_be_held_is_refused_and_what_was_held_stays(world, values):
     hold = world.host().create_velocity_hold((0, 1))
     hold.set(0.5, 0.25)
-    with pytest.raises(ValueError, match=r"all must be finite|velocities were given"):
+    with pytest.raises(ValueError, match=r"all must be finite|velocities for"):
         hold.set(*values)
     assert hold.velocities == (0.5, 0.25)
 
@@ -164,7 +164,7 @@ def test_saved_arrays_come_back_and_what_lies_between_them_is_left_alone():
     """Neighbours are copied in one piece, so what is between must not be put back with them."""
     store = np.arange(200.0)
     first, between, second, far = store[0:10], store[10:14], store[14:20], store[150:160]
-    saved = Saved([second, far, first, store[0:0]])
+    saved = SavedArrays([second, far, first, store[0:0]])
     saved.save()
     store[:] = -1.0
     between[:] = 77.0

@@ -5,7 +5,7 @@ import weakref
 import pytest
 
 from mjplug.physics.inbox import Inbox
-from mjplug.plugin.arrivals import MOST_POSTED, Arrivals
+from mjplug.plugin.arrivals import MAX_POSTED, Arrivals
 
 
 class Message:
@@ -23,14 +23,14 @@ def test_a_flood_of_messages_that_are_not_taken_keeps_only_the_newest_and_a_few_
         arrivals.deliver(message)
     del message
     gc.collect()
-    assert inbox.waiting == MOST_POSTED
+    assert inbox.waiting == MAX_POSTED
     assert sum(ref() is not None for ref in alive) == 1
     inbox.drain(60.0)
     assert [message.number for message in got] == [9999]
     assert inbox.replaced == {"/words": 9999}
 
 
-@pytest.mark.parametrize("count", [1, 3, MOST_POSTED, MOST_POSTED + 1, 1000])
+@pytest.mark.parametrize("count", [1, 3, MAX_POSTED, MAX_POSTED + 1, 1000])
 @pytest.mark.parametrize("depth", [1, 2, 10])
 def test_the_newest_messages_are_delivered_in_order_and_once(count, depth):
     inbox, got = Inbox(), []

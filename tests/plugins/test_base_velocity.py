@@ -274,7 +274,7 @@ def test_two_instances_that_drive_one_body_are_noticed(caplog):
     world = world_of()
     world.add(BaseVelocity, "second", body="base")
     assert [r.getMessage() for r in caplog.records] == [
-        "plugin second holds the same velocities as drive: only one of them has its way"
+        "plugins second and drive set the same velocities; only one of them takes effect"
     ]
 
 

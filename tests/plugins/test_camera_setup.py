@@ -177,8 +177,8 @@ def test_a_camera_s_name_becomes_a_ros_name_and_its_frame_keeps_the_model_s_spel
     }
     assert world.transport.services == {"/cameras/y_axis_3/trigger"}
     assert (
-        "the names of topics and services spell a camera as ROS allows: 'y-axis' is y_axis_2, 'y.axis' is y_axis_3, "
-        "'2nd' is _2nd, 'walker/eye' is walker_eye"
+        "camera names changed to valid ROS names in topics and services: 'y-axis' -> y_axis_2, 'y.axis' -> y_axis_3, "
+        "'2nd' -> _2nd, 'walker/eye' -> walker_eye"
     ) in caplog.text
     for name in (*world.transport.publishers, *world.transport.services):
         validate_name(name)

@@ -148,13 +148,13 @@ def test_a_plugin_that_is_switched_off_answers_what_waits(arm_world):
     host.create_timer(0.01, fail)
     call = arm_world.call("/fragile/wait")
     arm_world.loop.step(10)
-    assert call.refusal == "plugin fragile was switched off after an error: ZeroDivisionError('oops')"
+    assert call.refusal == "plugin fragile was disabled after an error: ZeroDivisionError('oops')"
 
 
 def test_a_timer_cannot_be_bound_to_the_publisher_of_another(arm_world, host):
     foreign = arm_world.host("other").create_publisher(String, "~/x")
-    with pytest.raises(PluginError, match="while_matched is no publisher of this plugin"):
+    with pytest.raises(PluginError, match="while_matched contains an object that is not a publisher of this plugin"):
         host.create_timer(1.0, lambda: None, while_matched=foreign)
     own = host.create_publisher(String, "/own")
-    with pytest.raises(PluginError, match="while_matched is no publisher of this plugin"):
+    with pytest.raises(PluginError, match="while_matched contains an object that is not a publisher of this plugin"):
         host.create_timer(1.0, lambda: None, while_matched=[own, foreign])

@@ -290,8 +290,8 @@ def test_two_instances_with_the_same_actuators_are_pointed_out(caplog):
     world.add(JointCommands, "other", joints=["rail", "elbow"])
     (record,) = caplog.records
     assert record.message == (
-        "plugin other sets the same controls as arm, base, those of rail_drive, elbow_motor: "
-        "each undoes what the other one does"
+        "plugins other and arm, base set the controls of the same actuators (rail_drive, elbow_motor); "
+        "each overwrites the other"
     )
 
 

@@ -85,7 +85,7 @@ def test_a_plugin_without_parameters_has_none():
 
 @pytest.mark.parametrize("wrong", [int, "Named"], ids=repr)
 def test_parameters_that_are_no_such_class_are_refused_where_the_plugin_is_written(wrong):
-    with pytest.raises(TypeError, match=r"the parameters of plugin Wrong are .*; they must be a subclass"):
+    with pytest.raises(TypeError, match=r"the type argument of plugin Wrong is .*; it must be a subclass"):
 
         class Wrong(Plugin[wrong]):
             pass

@@ -119,7 +119,7 @@ def test_under_disable_the_plugin_is_switched_off_once_and_the_server_goes_on(se
     assert len([record for record in caplog.records if record.exc_info]) == 1
     call = transport.call("/immediate")
     server.loop.step(0)
-    assert call.refusal == f"plugin hooked was switched off after an error: {error!r}"
+    assert call.refusal == f"plugin hooked was disabled after an error: {error!r}"
 
 
 @pytest.mark.parametrize("hook", ["immediate", "slow"])
@@ -159,7 +159,7 @@ def test_an_error_in_cleanup_is_logged(serve, monkeypatch, caplog, error):
 def test_an_error_in_a_diagnostic_is_that_status(serve, monkeypatch, error):
     monkeypatch.setattr(Hooked, "hook", "diagnostic")
     server, _ = serve("stop")
-    assert server.diagnostics.diagnose()["hooked"].message == f"its diagnostic failed: {error!r}"
+    assert server.diagnostics.diagnose()["hooked"].message == f"its diagnostic task failed: {error!r}"
 
 
 def test_a_real_ctrl_c_ends_a_script_that_runs_a_server(serve, monkeypatch):

@@ -34,7 +34,7 @@ def test_an_unknown_name_gets_the_nearest_and_the_known_ones():
     ("name", "reason"),
     [
         ("no_such_module:Class", "cannot import 'no_such_module'"),
-        ("mjplug_plugins.heartbeat:Hartbeat", "module 'mjplug_plugins.heartbeat' has no 'Hartbeat'"),
+        ("mjplug_plugins.heartbeat:Hartbeat", "module 'mjplug_plugins.heartbeat' contains no 'Hartbeat'"),
         ("mjplug_plugins.heartbeat:HeartbeatParameters", "is not a subclass of mjplug.plugin.Plugin"),
     ],
 )

@@ -172,6 +172,6 @@ def test_names_of_the_model_are_spelled_as_ros_allows(caplog):
     assert topics(world) == {
         f"{name}/touch" for name in ("left_foot", "left_foot_2", "left_foot_3", "_3rd", "sensor_5")
     }
-    assert "'left-foot' is left_foot_2, 'left.foot' is left_foot_3, '3rd' is _3rd" in caplog.text
+    assert "'left-foot' -> left_foot_2, 'left.foot' -> left_foot_3, '3rd' -> _3rd" in caplog.text
     for name in world.transport.publishers:
         validate_name(name)

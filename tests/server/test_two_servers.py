@@ -276,7 +276,7 @@ def test_two_plugin_modules_of_one_name_are_refused_with_the_reason(folders):
             assert twin.client().call("/wind/who").message == "wind 1 later 1"
         with pytest.raises(ConfigError) as refused:
             open_server(folders[1] / "robot.yaml", run=False)
-        assert f"module 'wind_here' of this process is {folders[0]}/wind_here.py already" in str(refused.value)
+        assert f"module 'wind_here' is already imported from {folders[0]}/wind_here.py" in str(refused.value)
         assert f"so {folders[1]}/wind_here.py cannot be imported; rename one of the two files" in str(refused.value)
         assert server.client().call("/wind/who").message == "wind 1 later 1"
         assert str(folders[1]) not in sys.path

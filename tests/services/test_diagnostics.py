@@ -88,7 +88,7 @@ def test_statuses_are_published_once_a_second_of_wall_time_paused_or_not_at_any_
 
 
 def test_statuses_are_published_at_speed_max_and_during_a_long_step_request(serve, clock, monkeypatch):
-    monkeypatch.setattr("mjplug.physics.loop._LARGEST_BATCH", 1)
+    monkeypatch.setattr("mjplug.physics.loop._MAX_BATCH_STEPS", 1)
     clock.moment = 1e-3
     world = serve(speed="max")
     run(world, clock, 2.5)
@@ -272,7 +272,7 @@ def test_a_simulation_that_diverged_and_was_reset_warns_once(serve, clock):
     world = poisoned(serve, "reset")
     status = look(world, clock)["simulation"]
     assert status.level == DiagnosticStatus.WARN
-    assert status.message.endswith("is NaN, infinite or huge; 1 in the last second")
+    assert status.message.endswith("is NaN, infinite or above 1e10; 1 in the last second")
     assert look(world, clock)["simulation"].level == DiagnosticStatus.OK
 
 
@@ -294,10 +294,10 @@ class Unspeakable:
 @pytest.mark.parametrize(
     ("task", "sentence"),
     [
-        (lambda: 1 / 0, "its diagnostic failed: ZeroDivisionError('division by zero')"),
-        (lambda: None, "its diagnostic failed: TypeError('a diagnostic returns a Diagnosis, not None')"),
-        (lambda: Diagnosis(7), "its diagnostic failed: ValueError('7 is not a valid Level')"),
-        (lambda: Diagnosis(values={"x": Unspeakable()}), "its diagnostic failed: OSError('no words')"),
+        (lambda: 1 / 0, "its diagnostic task failed: ZeroDivisionError('division by zero')"),
+        (lambda: None, "its diagnostic task failed: TypeError('a diagnostic task must return a Diagnosis, not None')"),
+        (lambda: Diagnosis(7), "its diagnostic task failed: ValueError('7 is not a valid Level')"),
+        (lambda: Diagnosis(values={"x": Unspeakable()}), "its diagnostic task failed: OSError('no words')"),
     ],
     ids=["raises", "says nothing", "has another level", "has no words"],
 )
@@ -313,7 +313,7 @@ def test_a_task_that_fails_is_an_error_itself_logged_once_and_hurts_nobody(serve
             sentence,
         )
         assert statuses["lidar"].level == DiagnosticStatus.OK
-    assert [record.getMessage() for record in caplog.records] == ["the diagnostic of camera: front failed"]
+    assert [record.getMessage() for record in caplog.records] == ["the diagnostic task of camera: front failed"]
     assert caplog.records[0].exc_info
 
 
@@ -337,7 +337,7 @@ def test_a_plugin_that_was_switched_off_is_an_error(serve, clock):
     broken = look(world, clock)["broken"]
     assert (broken.level, broken.message) == (
         DiagnosticStatus.ERROR,
-        "plugin broken was switched off after an error: ZeroDivisionError('division by zero')",
+        "plugin broken was disabled after an error: ZeroDivisionError('division by zero')",
     )
 
 

@@ -3,9 +3,9 @@
 import pytest
 from conftest import World
 
-from mjplug.physics.loop import SECOND
+from mjplug.physics.loop import WALL_TIMER_PERIOD
 from mjplug.plugin import Diagnosis, Parameters, Plugin
-from mjplug.plugin.stopwatch import SAMPLES
+from mjplug.plugin.stopwatch import SAMPLES_PER_PERIOD
 from mjplug.services import diagnostics
 from mjplug.services.plugin_times import PluginTimes
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray
@@ -42,7 +42,7 @@ def world(arm_model, clock):
 
 
 def second(world, clock):
-    clock.now += SECOND
+    clock.now += WALL_TIMER_PERIOD
     for callback in world.loop.on_second:
         callback(clock.now)
 
@@ -69,9 +69,9 @@ def test_the_parts_are_not_asked_more_often_than_once_a_second_for_it(world, clo
     world.host("camera").create_diagnostic("", lambda: calls.append(clock.now) or Diagnosis())
     for _ in range(5):
         asked(world)
-        clock.now += SECOND / 10
+        clock.now += WALL_TIMER_PERIOD / 10
     assert len(calls) == 1
-    clock.now += SECOND
+    clock.now += WALL_TIMER_PERIOD
     asked(world)
     assert len(calls) == 2
 
@@ -110,7 +110,7 @@ def busy(world, clock):
 
 def figures(world, clock, seconds):
     clock.now += seconds
-    world.times.look(clock.now)
+    world.times.refresh(clock.now)
     return world.times.diagnose().values
 
 
@@ -130,12 +130,12 @@ def test_timers_messages_and_requests_of_a_plugin_are_counted_with_their_time(bu
 
 def test_some_updates_are_measured_and_stand_for_all(busy, clock):
     busy.plugin.host.activate()
-    busy.times.look(clock.now)
+    busy.times.refresh(clock.now)
     began = clock.now
-    busy.loop.step(5 * SAMPLES)
+    busy.loop.step(5 * SAMPLES_PER_PERIOD)
     busy.plugin.host.deactivate()
     # The timer fired at every tenth step.
-    spent = 5 * SAMPLES * 100e-6 + SAMPLES // 2 * 2e-3
+    spent = 5 * SAMPLES_PER_PERIOD * 100e-6 + SAMPLES_PER_PERIOD // 2 * 2e-3
     assert clock.now - began == pytest.approx(spent)
     values = figures(busy, clock, 1.0 - spent)
     assert values["busy update (us)"] == pytest.approx(100.0)
@@ -156,9 +156,9 @@ def test_between_measurements_the_loop_calls_the_update_itself(busy, clock):
     busy.loop.step(5)
     (stepper,) = busy.loop.steppers.active
     assert stepper.update == busy.plugin.update
-    busy.times.look(clock.now)
+    busy.times.refresh(clock.now)
     assert stepper.update != busy.plugin.update
-    busy.loop.step(SAMPLES)
+    busy.loop.step(SAMPLES_PER_PERIOD)
     assert stepper.update == busy.plugin.update
 
 
@@ -171,7 +171,7 @@ def test_an_update_that_fails_while_it_is_measured_is_that_failure(busy, clock):
     host = busy.host("broken", stopwatch=busy.times.add("broken"), disable_on_error=True)
     host.attach(plugin)
     host.activate()
-    busy.times.look(clock.now)
+    busy.times.refresh(clock.now)
     busy.loop.step(3)
     assert not busy.loop.steppers.active
     assert busy.loop.failure is None

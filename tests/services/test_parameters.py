@@ -101,10 +101,10 @@ def test_parameters_are_listed_by_group_and_depth(prefixes, depth, names):
 def test_what_is_read_only_may_be_set_to_what_it_is(put):
     reasons = put(use_sim_time=YES, sim__paused=YES, model=MAX, sim__seed=double(7.0), sped=YES)
     assert reasons[:2] == ["", ""]
-    assert reasons[2] == "parameter 'model': it is read-only; it comes from the configuration of the server"
-    assert reasons[3] == "parameter 'sim.seed': it is read-only; it comes from the configuration of the server"
-    assert reasons[4].startswith("there is no parameter 'sped', did you mean 'sim.speed'?; there are model, ")
-    assert put(sim__paused=NO) == ["parameter 'sim.paused': it is read-only; it is set with the service ~/set_pause"]
+    assert reasons[2] == "parameter 'model': it is read-only; set it in the configuration and restart"
+    assert reasons[3] == "parameter 'sim.seed': it is read-only; set it in the configuration and restart"
+    assert reasons[4].startswith("unknown parameter 'sped', did you mean 'sim.speed'?; known: model, ")
+    assert put(sim__paused=NO) == ["parameter 'sim.paused': it is read-only; use the service ~/set_pause"]
 
 
 @pytest.mark.parametrize(
@@ -151,6 +151,6 @@ def test_parameters_are_set_atomically_all_or_none(world, ask):
     request = SetParametersAtomically.Request
     refused = ask("set_parameters_atomically", request(parameters=(fast, wrong))).result
     assert (refused.successful, world.loop.pacer.speed) == (False, 0.5)
-    assert refused.reason == "parameter 'use_sim_time': it is read-only; it comes from the configuration of the server"
+    assert refused.reason == "parameter 'use_sim_time': it is read-only; set it in the configuration and restart"
     assert ask("set_parameters_atomically", request(parameters=(fast,))).result.successful
     assert world.loop.pacer.speed == 4.0

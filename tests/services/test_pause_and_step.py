@@ -133,6 +133,6 @@ def test_asking_for_pause_gives_up_the_steps_under_way(world):
     first, second = step(world, 1_000_000_000), step(world, 5)
     world.loop.turn()
     taken = world.simulation.step
-    assert pause(world).message == "the simulation is paused; the steps under way were given up"
+    assert pause(world).message == "the simulation is paused; the running step_simulation was cancelled"
     assert first.refusal == f"interrupted: the simulation was paused ({taken} of 1000000000 steps were taken)"
     assert second.refusal == "interrupted: the simulation was paused (0 of 5 steps were taken)"

@@ -103,7 +103,7 @@ REFUSED = [
     (
         "free joint",
         {"overrides": joints(name=["cube_free"], position=[0.0])},
-        "joint_states[0] ('cube_free'): this is a free joint; place its body through state_overrides.free_joints",
+        "joint_states[0] ('cube_free'): this is a free joint; set its body's state in state_overrides.free_joints",
     ),
     (
         "ball joint",
@@ -123,7 +123,7 @@ REFUSED = [
     (
         "twice",
         {"overrides": joints(name=["elbow", "elbow"], position=[0.0, 0.1])},
-        "joint_states[1] ('elbow'): already given as joint_states[0]",
+        "joint_states[1] ('elbow'): duplicate of joint_states[0]; list each joint once",
     ),
     (
         "lengths",
@@ -133,7 +133,7 @@ REFUSED = [
     (
         "effort",
         {"overrides": joints(name=["elbow"], effort=[1.0])},
-        "joint_states.effort cannot be reset: leave it empty",
+        "joint_states.effort cannot be set by a reset; leave it empty",
     ),
     (
         "nan body",

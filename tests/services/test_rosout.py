@@ -105,11 +105,11 @@ def test_a_flood_is_published_in_parts_and_what_is_too_much_is_counted(world):
     for i in range(1500):
         logging.getLogger("mjplug").info("%d", i)
     first = len(lines(world))
-    assert first <= rosout.AT_ONCE + 1
+    assert first <= rosout.MAX_LINES_PER_TURN + 1
     while not world.loop.inbox.empty():
         world.loop.step(0)
     said = [line.msg for line in world.published("/rosout")]
-    assert said[0] == "500 lines came faster than they could be published, and are missing here"
+    assert said[0] == "500 log lines were dropped because they came faster than they could be published"
     assert said[1:] == [str(i) for i in range(500, 1500)]
 
 
@@ -138,7 +138,7 @@ def test_a_publisher_that_fails_ends_it_with_one_line_elsewhere(world, caplog):
     logging.getLogger("mjplug").info("after")
     lines(world)
     assert [record.getMessage() for record in caplog.records if record.exc_info] == [
-        "the log cannot be published, so /rosout ends here"
+        "publishing to /rosout failed; no further log lines are published"
     ]
 
 

@@ -136,7 +136,10 @@ REFUSED = [
         "twist.header.frame_id: unknown body 'x'; known: brick, cube, lower, pendulum, slider, upper, world",
     ),
     (state(pos=(0, math.nan, 0)), "pose.pose.position is (0, nan, 0); every component must be finite"),
-    (state(pos=(1e11, 0, 0)), "pose.pose.position is (1e+11, 0, 0); MuJoCo takes no component beyond 1e+10"),
+    (
+        state(pos=(1e11, 0, 0)),
+        "pose.pose.position is (1e+11, 0, 0); the absolute value of every component must be below 1e+10",
+    ),
     (state(linear=(0, 0, math.inf)), "twist.twist.linear is (0, 0, inf); every component must be finite"),
     (state(angular=(math.nan, 0, 0)), "twist.twist.angular is (nan, 0, 0); every component must be finite"),
     (
@@ -147,7 +150,7 @@ REFUSED = [
         state(quat_xyzw=(0, math.nan, 0, 1)),
         "pose.pose.orientation is (x 0, y nan, z 0, w 1); a quaternion must be finite and its norm must not be zero",
     ),
-    (state("brick"), "already given as free_joints[0]"),
+    (state("brick"), "duplicate of free_joints[0]; list each body once"),
 ]
 
 

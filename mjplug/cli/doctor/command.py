@@ -115,7 +115,7 @@ def _findings(endpoint: str | None) -> "Iterator[Finding]":
     from mjplug.client import DEFAULT_ENDPOINT
     from mjplug.physics import process
 
-    process.tame_mujoco()
+    process.configure_mujoco()
     yield from check_environment()
     yield from check_network(endpoint or DEFAULT_ENDPOINT)
     yield from check_server()
