@@ -254,7 +254,8 @@ def test_a_time_step_that_is_no_simple_fraction_does_not_break_the_end_of_a_long
 def test_only_so_many_wrenches_may_act_at_a_time(world):
     first = ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 900)
     assert ask(world, *[push(force=(1, 0, 0), duration=1.0)] * 101).refusal == (
-        "900 wrenches are active and 101 more were requested; at most 1000 can be active at the same time; nothing was applied"
+        "900 wrenches are active and 101 more were requested; at most 1000 can be active at the same time; "
+        "nothing was applied"
     )
     world.loop.reset(Reset())
     assert first.refusal == "cancelled: the world was reset"
