@@ -48,8 +48,8 @@ def test_a_wrong_name_takes_as_much_work_among_many_names_as_among_few(monkeypat
     from mjplug import near_names
 
     compared = []
-    alike = near_names._alike
-    monkeypatch.setattr(near_names, "_alike", lambda a, b: compared.append(b) or alike(a, b))
+    alike = near_names._similarity
+    monkeypatch.setattr(near_names, "_similarity", lambda a, b: compared.append(b) or alike(a, b))
     letters = random.Random(1)
     for _ in range(100):
         wrong = "kitchen_" + "".join(letters.choices(string.ascii_lowercase + "_0123456789", k=80))

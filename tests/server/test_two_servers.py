@@ -18,8 +18,10 @@ from conftest import ARM
 from mjplug import log_scope, open_server
 from mjplug.config.problem import ConfigError
 from mjplug.contracts.work import Work
+from mjplug.physics import process
 from mjplug.physics.process import SWITCH_INTERVAL, _timer_callback
 from mjplug.plugin import Parameters, Plugin
+from mjplug.shared_change import SharedChange
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 
@@ -179,6 +181,8 @@ def test_whatever_the_order_of_their_ends_the_process_is_as_before(run, monkeypa
         raise AssertionError(text)
 
     monkeypatch.setenv("MUJOCO_LOG", "unused")
+    # Another test of this process may have configured MuJoCo for good.
+    monkeypatch.setattr(process, "_MUJOCO", SharedChange(process._configure_mujoco))
     before_mujoco = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(theirs)
     try:
@@ -224,6 +228,7 @@ def test_the_log_of_the_program_is_its_own_while_a_server_runs(capsys):
 
 PLUGIN = """
 from mjplug.plugin import Parameters, Plugin
+from mjplug.shared_change import SharedChange
 from mjplug_schemas.std_srvs import Trigger
 import beside_{number}
 
@@ -277,7 +282,7 @@ def test_two_plugin_modules_of_one_name_are_refused_with_the_reason(folders):
         with pytest.raises(ConfigError) as refused:
             open_server(folders[1] / "robot.yaml", run=False)
         assert f"module 'wind_here' is already imported from {folders[0]}/wind_here.py" in str(refused.value)
-        assert f"so {folders[1]}/wind_here.py cannot be imported; rename one of the two files" in str(refused.value)
+        assert f"so {folders[1]}/wind_here.py cannot be imported in the same process; rename one" in str(refused.value)
         assert server.client().call("/wind/who").message == "wind 1 later 1"
         assert str(folders[1]) not in sys.path
 
