@@ -167,6 +167,11 @@ class _Dispatcher(logging.Handler):
         """Creates no lock, so that no server waits for the log of another one. Each handler has its own lock."""
         self.lock = None
 
+    def handle(self, record: logging.LogRecord) -> bool:
+        """Passes a line on. From Python 3.13 on, the method of the base class needs the lock."""
+        self.emit(record)
+        return True
+
     def emit(self, record: logging.LogRecord) -> None:
         """Passes a line to the handlers of its server."""
         scope = getattr(record, _MARK, None)

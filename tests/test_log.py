@@ -8,6 +8,7 @@ import pytest
 
 from mjplug.config.problem import Mark, Problem, Source
 from mjplug.log import PrintableQueueHandler, logging_to_stderr
+from mjplug.log_scope import LogScope, receive
 from mjplug.printable import lines, one_line
 
 HOSTILE = "z\x1b[31m\r\n12:00:00 FORGED\x9b\u202etxt\u2028\x07\x7f\ud800"
@@ -73,3 +74,21 @@ def test_further_lines_are_indented(text):
 def test_a_problem_of_the_configuration_escapes_the_name_of_its_file():
     problem = Problem("no such key 'a\nb'", Mark(Source("a\x1b[2J\nFORGED.yaml"), 0, 0), hint="x\x1b")
     assert str(problem) == "a\\x1b[2J\\nFORGED.yaml: error: no such key 'a\n    b'; x\\x1b"
+
+
+def test_lines_of_a_server_are_logged_where_python_takes_the_lock_of_a_handler_without_asking(monkeypatch):
+    def handle(handler, record):
+        """As `logging.Handler.handle` from Python 3.13 on."""
+        with handler.lock:
+            handler.emit(record)
+        return record
+
+    monkeypatch.setattr(logging.Handler, "handle", handle)
+    heard = []
+    handler = logging.Handler()
+    handler.emit = heard.append
+    with LogScope().active():
+        end = receive(handler, ["mjplug"])
+        logging.getLogger("mjplug.wire").warning("a line")
+        end()
+    assert [record.getMessage() for record in heard] == ["a line"]
