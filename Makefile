@@ -1,13 +1,15 @@
 # Every target sets itself up: a machine with Python >= 3.11, git and make needs nothing else.
 PYTHON ?= python3
 UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
-RUN := .venv/bin
-READY := .venv/.ready
+VENV := .venv
+RUN := $(VENV)/bin
+READY := $(VENV)/.ready
+export UV_PROJECT_ENVIRONMENT := $(VENV)
 export UV_PYTHON_DOWNLOADS := never
 # How many processes share the tests, a module at a time: the tests of a module share servers and folders.
 TEST_PROCESSES ?= auto
 
-.PHONY: help setup demo serve test test-slow check format bench fuzz soak docs docs-test version clean
+.PHONY: help setup demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
 
 FUZZ_COUNT ?= 100000
 FUZZ_SEED ?= 0
@@ -17,7 +19,7 @@ WORKER_KILLS ?= 100
 help:          ## Shows this list.
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ —/'
 
-setup: $(READY) ## Makes .venv with everything in uv.lock.
+setup: $(READY) ## Makes .venv, with everything in uv.lock.
 
 .uv/bin/uv:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mjplug needs Python 3.11 or later; try: make PYTHON=python3.12 " or 0)'
@@ -36,10 +38,13 @@ serve: $(READY) ## Serves the first example until Ctrl-C.
 	@$(RUN)/mjplug serve examples/00_push_a_box/config.yaml
 
 test: $(READY) ## All tests but the slow ones.
-	@$(RUN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist loadfile
+	@$(RUN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist loadfile $(TESTS)
 
 test-slow: $(READY) ## The slow tests alone.
 	@$(RUN)/python -m pytest -m slow
+
+test-all: $(READY) ## All tests but the slow ones, under each Python from 3.11 that this machine has or can download.
+	@PATH="$(dir $(abspath $(UV))):$$PATH" $(RUN)/python .ci/test_all.py
 
 check: $(READY) typings/mujoco ## Format, lint, types, layers.
 	@$(RUN)/ruff format --check --quiet . || { echo "run: make format"; exit 1; }
@@ -80,5 +85,8 @@ version: $(READY) ## Sets the version in every file that has it: make version VE
 	@sed -i.old 's|^version: .*|version: $(VERSION)|' CITATION.cff
 	@rm bridge_ros2/package.xml.old CITATION.cff.old
 
+release: $(READY) ## Builds sdist and wheel into dist, and tries both outside of this folder.
+	@PATH="$(dir $(abspath $(UV))):$$PATH" $(RUN)/python .ci/release.py
+
 clean: ## Removes what the other targets made.
-	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build
+	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist
