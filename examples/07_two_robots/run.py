@@ -9,11 +9,11 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parent))
 
-from server import serving  # noqa: E402 - it lies beside the folders of the examples
+from server import serving  # noqa: E402 - it is in the parent folder
 
 
 def main() -> int:
-    """Returns the exit code of whichever part failed, or 0."""
+    """Returns the exit code of the part that failed, or 0."""
     with ExitStack() as servers:
         red = servers.enter_context(serving(start("red")))
         servers.enter_context(serving(start("blue", "--connect", red)))
