@@ -5,11 +5,11 @@ import textwrap
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from machine import lacking
 
 from mjplug.errors import MjplugError
 from mjplug.plugin import UnavailableError
+from mjplug.testing import World
 from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND_VARIABLE, GlContext
 

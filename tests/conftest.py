@@ -19,14 +19,9 @@ left_over.mark()
 
 # ruff: noqa: E402
 import mujoco
-from fakes import FakeTransport, InlineWorkers
 from hypothesis import settings
 
-from mjplug.contracts.diagnostics import Diagnostics
-from mjplug.physics.loop import Loop
-from mjplug.physics.simulation import Simulation
-from mjplug.plugin import Host
-from mjplug_schemas.names import resolve as full_name
+from mjplug.testing import World
 
 # A busy machine is no failure.
 settings.register_profile("unhurried", deadline=None)
@@ -118,40 +113,6 @@ def pytest_sessionfinish(session):
 def pytest_testnodedown(node):
     """Takes what a process of a parallel run has found."""
     _left_over.extend(getattr(node, "workeroutput", {}).get("left_over", ()))
-
-
-class World:
-    """A whole server without threads: a loop, a fake transport, and hosts for plugins under test."""
-
-    def __init__(self, model, **options):
-        self.simulation = Simulation(model, options.pop("keyframe", ""))
-        self.loop = Loop(self.simulation, **options)
-        self.transport = FakeTransport()
-        self.workers = InlineWorkers()
-        self.diagnostics = Diagnostics()
-        self.model, self.data = self.simulation.model, self.simulation.data
-
-    def host(self, name="test", **options):
-        def resolve(topic):
-            return full_name(topic, node=name)
-
-        return Host(name, self.loop, self.transport, resolve, self.workers, self.diagnostics, **options)
-
-    def add(self, plugin_class, name, **parameters):
-        plugin = plugin_class()
-        host = self.host(name)
-        host.attach(plugin)
-        plugin.init(host, plugin_class.parameters_type(**parameters))
-        return plugin
-
-    def call(self, name, request=None, **parameters):
-        """Sends a request and lets the loop take it, without a step."""
-        call = self.transport.call(name, request, **parameters)
-        self.loop.step(0)
-        return call
-
-    def published(self, name):
-        return self.transport.publishers[name].messages
 
 
 @pytest.fixture

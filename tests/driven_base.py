@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-from conftest import World
 
+from mjplug.testing import World
 from mjplug_plugins.base_velocity import BaseVelocity
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 

@@ -18,28 +18,32 @@ class LocalCall:
         parameters: As those of a selector, such as `{"wait": "false"}`.
         response: The response; None until the service has answered, and after a refusal.
         refusal: Why the request was refused; None if it was not.
+        answers: How often the service has answered; only the first answer counts.
     """
 
     def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
         self.request = request
         self.parameters = parameters
-        self.response: Message | None = None
+        self.response: Any = None
         self.refusal: str | None = None
+        self.answers = 0
 
     @property
     def answered(self) -> bool:
         """Whether there is a response or a refusal."""
-        return self.response is not None or self.refusal is not None
+        return self.answers > 0
 
     def respond(self, response: Message) -> None:
         """Keeps the response, unless there is an answer already."""
         if not self.answered:
             self.response = response
+        self.answers += 1
 
     def refuse(self, reason: str) -> None:
         """Keeps the reason, unless there is an answer already."""
         if not self.answered:
             self.refusal = reason
+        self.answers += 1
 
 
 class LocalCalls:

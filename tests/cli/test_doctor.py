@@ -168,7 +168,7 @@ def test_the_command_shows_all_of_it_and_ends_with_1_if_something_does_not_work(
     done = typed("doctor", "-e", free)
     assert done.code == 1
     assert [line for line in done.lines if not line.startswith(" ")][:-1] == [
-        "environment", "network", "scheduling", "graphics",
+        "environment", "network", "server", "scheduling", "graphics",
     ]  # fmt: skip
     assert "           -> unset ROS_DOMAIN_ID" in done.lines
     assert done.lines[-1].startswith("1 error, ")
@@ -176,4 +176,5 @@ def test_the_command_shows_all_of_it_and_ends_with_1_if_something_does_not_work(
     done = typed("doctor", "--json", "-e", free)
     told = json.loads(done.out)
     assert (done.code, told["errors"]) == (0, 0)
-    assert {finding["topic"] for finding in told["findings"]} == {"environment", "network", "scheduling", "graphics"}
+    topics = {finding["topic"] for finding in told["findings"]}
+    assert topics == {"environment", "network", "server", "scheduling", "graphics"}

@@ -9,7 +9,6 @@ import pytest
 import typer
 from docs.markdown import PAGES, ROOT, anchors, links, prose, rows, section
 from docs.terminal import matches
-from fakes import FakeTransport
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
@@ -26,6 +25,7 @@ from mjplug.plugin.selection import Selected
 from mjplug.plugin.world_view import WorldView
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
+from mjplug.testing import FakeTransport
 from mjplug.wire.calls import MAX_OPEN_CALLS
 from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 

@@ -1,11 +1,11 @@
 """What becomes of the links and meshes of a URDF."""
 
 import pytest
-from conftest import World
 from model_files import tetrahedron, urdf
 
 from mjplug.errors import ModelError
 from mjplug.model.file import load_model
+from mjplug.testing import World
 from mjplug_plugins.transforms import Transforms
 
 MASS = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -4,7 +4,6 @@ import json
 
 import mujoco
 import pytest
-from conftest import World
 from typer.testing import CliRunner
 
 from mjplug.cli.app import app
@@ -14,6 +13,7 @@ from mjplug.errors import UnknownName
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin.selection import select
 from mjplug.services import reset_world
+from mjplug.testing import World
 from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 
 KEYS = """

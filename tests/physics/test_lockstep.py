@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.physics.reset import Reset
 from mjplug.services import clock, set_pause, step_simulation
+from mjplug.testing import World
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause, StepSimulation
 
 

@@ -3,11 +3,12 @@ from time import perf_counter
 import mujoco
 import numpy as np
 import pytest
-from conftest import ARM, World
+from conftest import ARM
 
 from mjplug.errors import ModelError
 from mjplug.physics.reset import Reset
 from mjplug.physics.simulation import Simulation
+from mjplug.testing import World
 from mjplug_schemas.std_msgs import String
 
 PENDULUM_THAT_BLOWS_UP = """

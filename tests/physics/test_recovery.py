@@ -2,12 +2,12 @@ import itertools
 
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.recovery import MIN_STEPS_BETWEEN_RESETS, Recovery
 from mjplug.physics.reset import Reset
 from mjplug.physics.simulation import Simulation
+from mjplug.testing import World
 
 BAD = Divergence("acceleration", "rail", "cart", 0)
 

@@ -4,12 +4,12 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.errors import MjplugError
 from mjplug.physics.memory import SavedArrays
 from mjplug.physics.reset import Reset
 from mjplug.plugin import Parameters, Plugin
+from mjplug.testing import World
 
 HEAVY = """
 <mujoco>

@@ -4,12 +4,12 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from driven_base import BALL, BASE, DT, command, twist, velocity_in_body, world_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.base_velocity import BaseVelocity
 from mjplug_schemas.geometry_msgs import TwistStamped
 

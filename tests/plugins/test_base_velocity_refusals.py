@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from conftest import World
 from driven_base import command, twist, world_of
 from pydantic import ValidationError
 
@@ -12,6 +11,7 @@ from mjplug.config.load import read
 from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.base_velocity import BaseVelocity, BaseVelocityParameters
 
 DOCUMENTED = """\

@@ -19,9 +19,9 @@ from camera_scenes import (
 )
 from cli.client import Client
 from cli.process import STARTING, Served
-from conftest import World
 from mujoco import MjModel
 
+from mjplug.testing import World
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.sensor_msgs import CameraInfo, CompressedImage, Image
 

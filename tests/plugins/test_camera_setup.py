@@ -15,7 +15,6 @@ from camera_scenes import (
     scene,
     world_of,
 )
-from conftest import World
 
 from mjplug.config.load import read
 from mjplug.config.problem import ConfigError
@@ -23,6 +22,7 @@ from mjplug.errors import PluginError
 from mjplug.model.file import load_model
 from mjplug.plugin import Host, UnavailableError
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.camera import Camera
 from mjplug_plugins.camera.gl import BACKEND_VARIABLE, GlContext, environments
 from mjplug_plugins.camera.parameters import CameraParameters

@@ -3,12 +3,12 @@
 import logging
 
 import pytest
-from conftest import World
 from pydantic import ValidationError
 
 from mjplug.errors import MjplugError
 from mjplug.physics.reset import Reset
 from mjplug.plugin import Parameters, Plugin, registry
+from mjplug.testing import World
 from mjplug_schemas.names import validate_name
 
 CLASSES = sorted({registry.find(name) for name in registry.registered()}, key=lambda c: c.__name__)

@@ -4,10 +4,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import BOX, World
+from conftest import BOX
 from wrenches import Reference, push, request
 
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.visualization_msgs import Marker

@@ -1,9 +1,10 @@
 import mujoco
 import numpy as np
 import pytest
-from conftest import BOX, World
+from conftest import BOX
 from wrenches import Reference, push, request
 
+from mjplug.testing import World
 from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_plugins.external_wrench.active import MAX_LOOPED
 from mjplug_plugins.external_wrench.plugin import MAX_SHOWN

@@ -1,7 +1,6 @@
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -12,6 +11,7 @@ from mjplug.errors import MjplugError
 from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
 from mjplug.services import set_free_joint_state
+from mjplug.testing import World
 from mjplug_plugins.base_velocity import BaseVelocity
 from mjplug_plugins.free_joint_state_publisher import FreeJointStatePublisher, FreeJointStatePublisherParameters
 from mjplug_schemas.geometry_msgs import Twist, Vector3

@@ -3,7 +3,6 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from joint_robots import GRIPPER, MIXED, compiled, recorded, stepped
 from pydantic import ValidationError
 
@@ -13,6 +12,7 @@ from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64MultiArray

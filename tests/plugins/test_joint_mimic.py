@@ -1,8 +1,8 @@
 import pytest
-from conftest import World
 from joint_robots import MIXED, compiled
 
 from mjplug.errors import MjplugError
+from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
 from mjplug_schemas.sensor_msgs import JointState
 

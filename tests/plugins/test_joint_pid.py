@@ -3,11 +3,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from joint_robots import MIXED, compiled
 from pydantic import ValidationError
 
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
 from mjplug_plugins.joints.parameters import PidGains
 from mjplug_plugins.joints.pid import PidBank

@@ -1,7 +1,6 @@
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from joint_robots import MIXED, compiled
 from pydantic import ValidationError
 
@@ -9,6 +8,7 @@ from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
 from mjplug.plugin import QoS
+from mjplug.testing import World
 from mjplug_plugins.joints import JointStatePublisher
 
 TOPIC = "/joint_states"

@@ -1,9 +1,9 @@
 import math
 
-from conftest import World
 from joint_robots import MIXED, compiled
 
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
 from mjplug_schemas.builtin_interfaces import Duration
 from mjplug_schemas.sensor_msgs import JointState

@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from conftest import World
 from hypothesis import given
 from hypothesis import strategies as st
 from joint_robots import MIXED, compiled, recorded
 
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
 from mjplug_plugins.joints.trajectory import Motion
 from mjplug_schemas.builtin_interfaces import Duration, Time

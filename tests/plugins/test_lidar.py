@@ -6,12 +6,12 @@ import textwrap
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.config.load import read
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.lidar import Lidar
 from mjplug_schemas.sensor_msgs import LaserScan, PointCloud2, PointField
 

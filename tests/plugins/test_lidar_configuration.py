@@ -6,7 +6,6 @@ import textwrap
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from docs.markdown import rows, section
 
 from mjplug.config.load import read
@@ -14,6 +13,7 @@ from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.lidar import Lidar
 from mjplug_plugins.lidar.parameters import LidarParameters
 from mjplug_plugins.lidar.settings import MAX_RAYS

@@ -5,12 +5,12 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from pydantic import ValidationError
 
 from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.odometry import OdometryPublisher
 
 FLOATING = """

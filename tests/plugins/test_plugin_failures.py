@@ -4,7 +4,6 @@ import signal
 import sys
 
 import pytest
-from fakes import FakeTransport
 
 from mjplug.config.settings import Settings
 from mjplug.errors import PluginError
@@ -14,6 +13,7 @@ from mjplug.plugin import Diagnosis, Parameters, Plugin
 from mjplug.plugin.selection import Selected
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
+from mjplug.testing import FakeTransport
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 

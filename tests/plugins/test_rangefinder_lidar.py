@@ -5,7 +5,6 @@ import textwrap
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.config.load import read
 from mjplug.config.problem import ConfigError
@@ -13,6 +12,7 @@ from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
 from mjplug.plugin.selection import select
+from mjplug.testing import World
 from mjplug_plugins.rangefinder_lidar import LidarParameters, RangefinderLidar
 
 DT = 0.002

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from conftest import World
-from fakes import FakeTransport
 
 from mjplug.config.load import read
 from mjplug.contracts.transport import LATCHED
@@ -15,6 +13,7 @@ from mjplug.physics.simulation import Simulation
 from mjplug.plugin.selection import select
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
+from mjplug.testing import FakeTransport, World
 from mjplug_plugins.robot_description import RobotDescription
 
 URDF = '<robot name="r"><link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'  # noqa: E501

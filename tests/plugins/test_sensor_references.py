@@ -6,8 +6,8 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
+from mjplug.testing import World
 from mjplug_plugins.sensors import Sensors
 from mjplug_plugins.transforms import Transforms
 

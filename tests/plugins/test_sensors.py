@@ -5,11 +5,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from pydantic import ValidationError
 
 from mjplug.errors import MjplugError
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.sensors import Sensors
 from mjplug_schemas.sensor_msgs import Range
 

@@ -5,8 +5,8 @@ import logging
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
+from mjplug.testing import World
 from mjplug_plugins.sensors import Sensors
 from mjplug_schemas.geometry_msgs import QuaternionStamped
 from mjplug_schemas.names import validate_name

@@ -5,10 +5,10 @@ import logging
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
+from mjplug.testing import World
 from mjplug_plugins.sensors import Sensors
 
 ROBOT = """

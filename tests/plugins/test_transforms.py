@@ -6,13 +6,13 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from pydantic import ValidationError
 
 from mjplug.contracts.transport import QoS
 from mjplug.errors import MjplugError
 from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
+from mjplug.testing import World
 from mjplug_plugins.transforms import Transforms
 from mjplug_schemas.tf2_msgs import TFMessage
 

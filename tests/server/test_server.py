@@ -1,5 +1,4 @@
 import pytest
-from fakes import FakeTransport
 
 from mjplug.config.settings import Settings
 from mjplug.errors import PluginError
@@ -8,6 +7,7 @@ from mjplug.plugin import Parameters, Plugin, RequestError
 from mjplug.plugin.selection import Selected
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
+from mjplug.testing import FakeTransport
 
 EVENTS = []
 SERVERS = []

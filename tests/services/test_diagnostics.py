@@ -5,7 +5,6 @@ from collections import deque
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.contracts.transport import DEFAULT
 from mjplug.contracts.work import WorkerStatus
@@ -13,6 +12,7 @@ from mjplug.physics import timing
 from mjplug.physics.reset import Reset
 from mjplug.plugin import Diagnosis, Level, worker_diagnosis
 from mjplug.services import diagnostics, step_simulation
+from mjplug.testing import World
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_msgs import String

@@ -1,13 +1,13 @@
 """Diagnostics for those who ask, and the status `plugins`."""
 
 import pytest
-from conftest import World
 
 from mjplug.physics.loop import WALL_TIMER_PERIOD
 from mjplug.plugin import Diagnosis, Parameters, Plugin
 from mjplug.plugin.stopwatch import SAMPLES_PER_PERIOD
 from mjplug.services import diagnostics
 from mjplug.services.plugin_times import PluginTimes
+from mjplug.testing import World
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 from mjplug_schemas.std_msgs import Float64
 from mjplug_schemas.std_srvs import Trigger

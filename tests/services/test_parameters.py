@@ -1,11 +1,11 @@
 """The parameters of the server, asked as `ros2 param` asks."""
 
 import pytest
-from conftest import World
 
 from mjplug.config.settings import Settings, Sim
 from mjplug.services import parameters
 from mjplug.services.parameters import ParameterServices, fixed
+from mjplug.testing import World
 from mjplug_schemas.rcl_interfaces import (
     DescribeParameters,
     GetParameters,

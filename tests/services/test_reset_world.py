@@ -3,9 +3,9 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 
 from mjplug.services import reset_world
+from mjplug.testing import World
 from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, ResetWorld, SimulationState
 from mjplug_schemas.sensor_msgs import JointState

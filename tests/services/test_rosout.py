@@ -162,9 +162,8 @@ class Talking(Plugin[Parameters]):
 
 
 def test_a_server_publishes_what_its_plugins_say_from_their_beginning_to_their_end(arm_model, caplog):
-    from fakes import FakeTransport
-
     from mjplug.physics.simulation import Simulation
+    from mjplug.testing import FakeTransport
 
     caplog.set_level(logging.INFO)
     transport = FakeTransport()

@@ -3,11 +3,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from conftest import World
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mjplug.services import set_free_joint_state
+from mjplug.testing import World
 from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, SetFreeJointState
 from mjplug_schemas.std_msgs import Header

@@ -1,0 +1,114 @@
+"""A transport without a network: tests publish and call by hand, and read what was published."""
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.transport import Call, QoS, ServiceName, Topic
+from mjplug.server.local_calls import LocalCall
+from mjplug_schemas.message import Message, Service
+
+
+class FakePublisher:
+    """Keeps what is published. Implements `mjplug.contracts.transport.Publisher`.
+
+    Attributes:
+        matched: Whether the topic has a subscriber; true at first, and may be changed.
+        messages: The messages, the first one first. Frames are decoded.
+        on_matched: What the plugin wants to be called when a first subscriber appears; None if it does not.
+    """
+
+    def __init__(self, on_matched: Callable[[], None] | None = None) -> None:
+        self.matched = True
+        self.messages: list[Any] = []
+        self.on_matched = on_matched
+
+    def publish(self, message: Message) -> None:
+        """Keeps a message."""
+        self.messages.append(message)
+
+    def publish_frame(self, frame: CdrFrame) -> None:
+        """Keeps the message that a frame contains."""
+        self.messages.append(frame.type.from_cdr(frame.payload()))
+
+
+class FakeTransport:
+    """Topics and services by their full ROS names. Implements `mjplug.contracts.transport.Transport`.
+
+    Attributes:
+        publishers: The publishers, by topic.
+        types: The type of each topic and service.
+        qos: The quality of service of each published topic.
+    """
+
+    def __init__(self) -> None:
+        self.publishers: dict[str, FakePublisher] = {}
+        self.types: dict[str, Any] = {}
+        self.qos: dict[str, QoS] = {}
+        self._subscriptions: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
+        self._services: dict[str, Callable[[Call], None]] = {}
+
+    @property
+    def services(self) -> set[str]:
+        """The names of all services."""
+        return set(self._services)
+
+    @property
+    def subscriptions(self) -> set[str]:
+        """The names of all topics that are subscribed to."""
+        return set(self._subscriptions)
+
+    def open_publisher(self, topic: Topic[Any], on_matched: Callable[[], None] | None = None) -> FakePublisher:
+        """Declares a publisher."""
+        publisher = self.publishers[topic.name] = FakePublisher(on_matched)
+        self.types[topic.name], self.qos[topic.name] = topic.type, topic.qos
+        return publisher
+
+    def open_subscription(self, topic: Topic[Any], deliver: Callable[[Any], None]) -> None:
+        """Declares a subscription."""
+        self._subscriptions[topic.name].append(deliver)
+        self.types[topic.name] = topic.type
+
+    def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
+        """Declares a service."""
+        self._services[service.name] = deliver
+        self.types[service.name] = service.type
+
+    def send(self, name: str, message: Message) -> None:
+        """Gives a message to the subscribers of a topic. They handle it at the next step boundary.
+
+        Args:
+            name: The topic's full name.
+            message: The message.
+
+        Raises:
+            KeyError: No plugin subscribes to the topic.
+        """
+        if name not in self._subscriptions:
+            raise KeyError(
+                f"no plugin subscribes to {name}; topics: {', '.join(sorted(self._subscriptions)) or 'none'}"
+            )
+        for deliver in self._subscriptions[name]:
+            deliver(message)
+
+    def call(self, name: str, request: Message | None = None, **parameters: str) -> LocalCall:
+        """Sends a request to a service. It is handled at the next step boundary.
+
+        Args:
+            name: The service's full name.
+            request: The request; None is one with initial values.
+            **parameters: Parameters of the selector, such as `wait="false"`.
+
+        Returns:
+            The call, which gets the response.
+
+        Raises:
+            KeyError: No plugin provides the service.
+        """
+        if name not in self._services:
+            raise KeyError(f"no plugin provides {name}; services: {', '.join(sorted(self._services)) or 'none'}")
+        service: type[Service] = self.types[name]
+        call = LocalCall(service.Request() if request is None else request, parameters)
+        self._services[name](call)
+        return call

@@ -1,0 +1,108 @@
+"""Workers without processes: a test decides when a job is performed, and sees what comes of it."""
+
+import copy
+import logging
+import pickle
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.contracts.work import Job, UnavailableError, Work, WorkerSpec, WorkerStatus
+from mjplug.physics import snapshot
+from mjplug.physics.inbox import Inbox
+from mjplug.physics.simulation import Simulation
+
+
+class InlineWorker:
+    """Performs each job at once, in the calling thread. Implements `mjplug.contracts.work.Worker`.
+
+    Attributes:
+        status: State and counters.
+        spec: What it does.
+        work: The plugin's work; a copy, as in a process.
+
+    Args:
+        spec: As above.
+        simulation: Where the states come from.
+        inbox: Through which the spec's callbacks reach the physics thread.
+    """
+
+    def __init__(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> None:
+        self.status = WorkerStatus()
+        self.spec = spec
+        self._simulation = simulation
+        self._inbox = inbox
+        self._hold = False
+        self._waiting: tuple[Job, NDArray[np.float64]] | None = None
+        model = copy.copy(simulation.model)
+        self._model, self._data = model, mujoco.MjData(model)
+        self.work: Work = pickle.loads(pickle.dumps(spec.work))
+        try:
+            said = self.work.open(model, spec.publishers, logging.getLogger("worker"))
+        except UnavailableError as error:
+            self.status.state, self.status.reason = "unavailable", str(error)
+            inbox.post(lambda: spec.on_lost(frozenset(), self.status.reason))
+        else:
+            self.status.state = "running"
+            inbox.post(lambda: spec.on_ready(said))
+
+    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+        """Takes the present state, and performs the job unless `hold` was called."""
+        wanted = frozenset(tasks)
+        if self.status.state == "unavailable":
+            self._inbox.post(lambda: self.spec.on_lost(wanted, self.status.reason))
+            return
+        simulation = self._simulation
+        state = np.empty(snapshot.size(simulation.model))
+        snapshot.take(simulation.model, simulation.data, state)
+        if self._waiting is not None:
+            before = self._waiting[0].tasks
+            self.status.dropped = dict(Counter(self.status.dropped) + Counter(wanted & before))
+            wanted |= before
+        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted), state
+        if not self._hold:
+            self._perform()
+
+    def hold(self) -> None:
+        """Lets jobs wait from now on, as those of a busy process do; a newer state replaces one that waits."""
+        self._hold = True
+
+    def release(self) -> None:
+        """Performs the job that waits, and each further one at once."""
+        self._hold = False
+        if self._waiting is not None:
+            self._perform()
+
+    def _perform(self) -> None:
+        assert self._waiting is not None
+        (job, state), self._waiting = self._waiting, None
+        snapshot.load(self._model, self._data, state)
+        # As on the way between processes.
+        report: Any = pickle.loads(pickle.dumps(self.work.perform(self._data, job)))
+        self.status.performed += 1
+        self._inbox.post(lambda: self.spec.on_done(job, report))
+
+
+class InlineWorkerPool:
+    """All workers of a test. Implements `mjplug.contracts.work.WorkerPool`.
+
+    Attributes:
+        workers: The workers, by the name of the plugin instance.
+    """
+
+    def __init__(self) -> None:
+        self.workers: dict[str, InlineWorker] = {}
+
+    def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> InlineWorker:
+        """Opens a work in the calling thread."""
+        worker = self.workers[spec.name] = InlineWorker(spec, simulation, inbox)
+        return worker
+
+    def close(self) -> None:
+        """Closes all works."""
+        for worker in self.workers.values():
+            worker.work.close()

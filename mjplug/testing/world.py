@@ -1,0 +1,186 @@
+"""Plugins in a simulation that a test steps, without a network and without threads."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import mujoco
+
+from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.model.file import load_model
+from mjplug.physics.loop import Loop
+from mjplug.physics.reset import Reset
+from mjplug.physics.simulation import Simulation
+from mjplug.plugin import Host, Plugin
+from mjplug.plugin.stopwatch import Stopwatch
+from mjplug.server.local_calls import LocalCall
+from mjplug.testing.transport import FakeTransport
+from mjplug.testing.workers import InlineWorkerPool
+from mjplug_schemas.message import Message
+from mjplug_schemas.names import resolve
+
+P = TypeVar("P", bound=Plugin[Any])
+
+
+class World:
+    """A simulation with plugins, whose topics and services a test reaches without a network.
+
+    The loop, the hosts and the physics are those of the server. Time advances in `step` only. Every topic has a
+    subscriber, unless a test says otherwise: `world.transport.publishers["/lamp/height"].matched = False`.
+
+    Attributes:
+        model: The compiled model.
+        data: The state. Between two steps, it may be read and written.
+        transport: The topics and services.
+        workers: The workers that plugins have created, by the name of the instance.
+        diagnostics: The diagnostics of the plugins.
+        simulation: The model and its state, as the loop sees them.
+        loop: The physics loop.
+
+    Args:
+        model: A compiled model, MJCF text that begins with `<`, or what `model:` of a configuration file may name, such
+            as `bundled:arm`.
+        keyframe: Name or index of the keyframe to start from; empty means the model's default pose.
+        paused: Whether the simulation is paused; `step` takes steps all the same.
+        speed: Real-time factor, which matters to `loop.run` only.
+        on_divergence: As `sim.on_divergence`.
+
+    Raises:
+        ModelError: The model cannot be loaded.
+        UnknownName: There is no such keyframe.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel | str | Path = "bundled:box",
+        keyframe: str = "",
+        paused: bool = False,
+        speed: float | Literal["max"] = "max",
+        on_divergence: Literal["pause", "reset", "stop"] = "pause",
+    ) -> None:
+        self.simulation = Simulation(_compiled(model), keyframe)
+        self.loop = Loop(self.simulation, speed, paused, on_divergence)
+        self.transport = FakeTransport()
+        self.workers = InlineWorkerPool()
+        self.diagnostics = Diagnostics()
+        self.model, self.data = self.simulation.model, self.simulation.data
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start [ns]."""
+        return self.simulation.time_ns
+
+    def host(
+        self,
+        name: str = "test",
+        *,
+        seed: int = 0,
+        disable_on_error: bool = False,
+        model_file: Path | None = None,
+        folders: Sequence[Path] = (),
+        stopwatch: Stopwatch | None = None,
+        frame_prefix: str = "",
+    ) -> Host:
+        """Returns the host of a new plugin instance.
+
+        Args:
+            name: The instance's name; its relative topics are below `/<name>/`.
+            seed: Seed of the host's random numbers.
+            disable_on_error: Whether a failure switches the plugin off, as `on_plugin_error: disable` does.
+            model_file: The model's file, if it comes from one.
+            folders: Where files that the plugin's parameters name are looked for.
+            stopwatch: Measures the time that the plugin takes; None is one that nobody reads.
+            frame_prefix: What stands before TF frames.
+        """
+        names = partial(resolve, namespace="", node=name, remap={})
+        return Host(
+            name,
+            self.loop,
+            self.transport,
+            names,
+            self.workers,
+            self.diagnostics,
+            seed,
+            disable_on_error,
+            model_file,
+            folders,
+            stopwatch,
+            frame_prefix,
+        )
+
+    def add(self, plugin_class: type[P], name: str = "test", **parameters: Any) -> P:
+        """Starts a plugin instance.
+
+        Args:
+            plugin_class: The plugin's class.
+            name: The instance's name; its relative topics are below `/<name>/`.
+            **parameters: Its parameters.
+
+        Returns:
+            The plugin. What its `init` raises is raised here.
+        """
+        plugin = plugin_class()
+        host = self.host(name)
+        host.attach(plugin)
+        plugin.init(host, plugin_class.parameters_type(**parameters))
+        return plugin
+
+    def step(self, steps: int = 1) -> None:
+        """Takes steps, with everything that is due: timers, updates, messages and requests that wait.
+
+        Args:
+            steps: How many; with 0, messages and requests are handled, and no step is taken.
+
+        Raises:
+            PluginError: A plugin failed.
+            MjplugError: The simulation diverged, and `on_divergence` is `stop`.
+        """
+        self.loop.step(steps)
+        if self.loop.failure is not None:
+            raise self.loop.failure
+
+    def reset(self) -> None:
+        """Resets the world, as a request to `~/reset_world` does."""
+        self.loop.reset(Reset())
+
+    def call(self, name: str, request: Message | None = None, **parameters: str) -> LocalCall:
+        """Sends a request to a service, which handles it without a step.
+
+        Args:
+            name: The service's full name, such as `/lamp/set_zero`.
+            request: The request; None is one with initial values.
+            **parameters: Parameters of the selector, such as `wait="false"`.
+
+        Returns:
+            The call. A service that takes simulated time answers in a later `step`.
+        """
+        call = self.transport.call(name, request, **parameters)
+        self.loop.step(0)
+        return call
+
+    def publish(self, name: str, message: Message) -> None:
+        """Publishes a message to the plugins that subscribe to a topic, which handle it without a step.
+
+        Args:
+            name: The topic's full name, such as `/cmd_vel`.
+            message: The message.
+        """
+        self.transport.send(name, message)
+        self.loop.step(0)
+
+    def published(self, name: str) -> list[Any]:
+        """Returns what has been published on a topic, the first message first. Clear the list to forget.
+
+        Args:
+            name: The topic's full name, such as `/lamp/height`.
+        """
+        return self.transport.publishers[name].messages
+
+
+def _compiled(model: mujoco.MjModel | str | Path) -> mujoco.MjModel:
+    if isinstance(model, mujoco.MjModel):
+        return model
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        return mujoco.MjModel.from_xml_string(model)
+    return load_model(str(model)).model
