@@ -22,7 +22,7 @@ def test_a_new_plugin_installs_passes_its_test_is_listed_and_runs(installed, tmp
         cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=120.0, check=False,
     )  # fmt: skip
     assert tested.returncode == 0, tested.stdout
-    assert "1 passed" in tested.stdout
+    assert "2 passed" in tested.stdout
     listed = run("plugin", "list", cwd=tmp_path, command=command).stdout
     assert "street_lamp" in listed
     assert "Publishes the height of a body on `~/height` [m]" in listed

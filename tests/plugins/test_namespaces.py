@@ -2,7 +2,6 @@
 
 import mujoco
 import pytest
-from fakes import FakeTransport, InlineWorkers
 
 from mjplug.config.settings import Settings
 from mjplug.physics.simulation import Simulation
@@ -10,6 +9,7 @@ from mjplug.plugin.registry import find
 from mjplug.plugin.selection import Selected
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
+from mjplug.testing import FakeTransport, InlineWorkerPool
 from mjplug_schemas.message import Message
 
 ROBOT = """
@@ -155,7 +155,7 @@ def test_every_frame_gets_the_prefix(start, every_plugin):
     plugins["states"] = {"type": "joint_state_publisher", "frame_id": "base"}
     plugins["rangefinders"] = {"type": "rangefinder_lidar", "rays": {**RAYS, "laserscan_topic": "{ns}/rays"}}
     plugins["odometry"] = {"type": "odometry"}
-    transport = start(plugins, InlineWorkers, namespace="robot1", frame_prefix="{ns}/")
+    transport = start(plugins, InlineWorkerPool, namespace="robot1", frame_prefix="{ns}/")
     seen = {
         name: {frame for message in messages for frame in frames(message)}
         for name, messages in messages_of(transport).items()
