@@ -116,10 +116,13 @@ def _combined(group: list[ErrorDetails]) -> tuple[str, list[str]]:
     """Joins what the members of a union say; returns the sentence, and the words that are allowed."""
     parts: list[str] = []
     expected: list[str] = []
-    for details in group:
+    # A list whose items are wrong is also too short for pydantic, which leaves wrong items out.
+    for details in [d for d in group if d["type"] != "too_short"] or group:
         text = _WORDS.get(
             details["type"], details["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
         )
+        # pydantic says which type of Python's it is, and how many items there are "after validation".
+        text = re.sub(r"^(?:Tuple|List) (should have at \w+ \d+ items?).*", r"Value \1", text)
         if details["type"] in ("literal_error", "enum"):
             expected += re.findall("'([^']*)'", str(details.get("ctx", {}).get("expected", "")))
         if text not in parts:

@@ -21,7 +21,8 @@ __all__ = ["Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
 
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
-_MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
+MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
+"""Settings whose key may stand without a value."""
 
 
 def load(
@@ -140,7 +141,7 @@ def _assemble(main: _Main, ros_documents: Sequence[Document], options: _Options)
     for document in [*ros_documents, *([main.own] if main.own else [])]:
         tree.merge(document)
         problems += document.problems
-    for key in _MAY_BE_EMPTY:
+    for key in MAY_BE_EMPTY:
         if key in tree.value and tree.value[key] is None:
             tree.remove(key)
     problems += overrides.put_environment(tree, options.environ)

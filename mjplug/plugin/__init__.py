@@ -8,7 +8,8 @@ from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
 from mjplug.physics.scheduler import Event, Slow, Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.host import Host
-from mjplug.plugin.plugin import NestedParameters, Parameters, Plugin
+from mjplug.plugin.parameters import NestedParameters, OneOrMore, Parameters
+from mjplug.plugin.plugin import Plugin
 
 __all__ = [
     "CLOCK",
@@ -24,6 +25,7 @@ __all__ = [
     "Level",
     "MjplugError",
     "NestedParameters",
+    "OneOrMore",
     "Parameters",
     "Plugin",
     "PluginError",

@@ -5,35 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
-from pydantic_core import PydanticKnownError
+from mjplug.plugin.parameters import Parameters
 
 if TYPE_CHECKING:
     from mjplug.plugin.host import Host
 
-
-class Parameters(BaseModel):
-    """Base class of a plugin's parameters: frozen, with strict types; unknown names are refused.
-
-    Give every field a description with its unit; `mjplug plugin info` shows it.
-    """
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, use_attribute_docstrings=True, allow_inf_nan=False
-    )
-
-
-def _nested(value: object) -> object:
-    if isinstance(value, bool | int | float | str):
-        raise PydanticKnownError("extra_forbidden")
-    return {} if value is None else value
-
-
-NestedParameters = BeforeValidator(_nested)
-"""Marks sections whose names the user chooses: `__pydantic_extra__: dict[str, Annotated[Lidar, NestedParameters]]`.
-
-A plain value in place of a section is refused as an unknown parameter; an empty section gets the defaults.
-"""
 
 P = TypeVar("P", bound=Parameters)
 

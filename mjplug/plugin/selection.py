@@ -13,7 +13,8 @@ from mjplug.config.problem import Problem
 from mjplug.errors import PluginError, UnknownName
 from mjplug.plugin import registry
 from mjplug.plugin.folder_modules import importable
-from mjplug.plugin.plugin import Parameters, Plugin
+from mjplug.plugin.parameters import Parameters
+from mjplug.plugin.plugin import Plugin
 
 Classes = Mapping[str, type[Plugin[Any]]]
 """Plugin classes by the `type` under which a configuration refers to them."""

@@ -51,7 +51,7 @@ class Server:
         model_file: The model's file, if it comes from one.
 
     Raises:
-        PluginError: A plugin refused to start; those that had started are cleaned up.
+        PluginError: Plugins refused to start; the sentence has all of them, and those that had started are cleaned up.
     """
 
     def __init__(
@@ -88,8 +88,7 @@ class Server:
         packages = [selected.plugin_class.__module__.partition(".")[0] for selected in plugins]
         self._cleanups.callback(rosout.offer(host, self.loop, name, packages))
         try:
-            for selected in plugins:
-                self._start(selected)
+            self._start_all(plugins)
         except BaseException:
             self._cleanups.close()
             raise
@@ -123,6 +122,20 @@ class Server:
     def cleanup(self) -> None:
         """Takes the plugins down without having run."""
         self._cleanups.close()
+
+    def _start_all(self, plugins: Sequence[Selected]) -> None:
+        """Starts the plugins. The error has what every one of them refuses, so that all can be mended at once."""
+        refusals: list[PluginError] = []
+        for selected in plugins:
+            try:
+                self._start(selected)
+            except PluginError as error:
+                refusals.append(error)
+        if len(refusals) > 1:
+            lines = "\n".join(f"  {refusal}" for refusal in refusals)
+            raise PluginError(f"{len(refusals)} plugins did not start:\n{lines}") from refusals[0]
+        if refusals:
+            raise refusals[0]
 
     def _start(self, selected: Selected) -> None:
         names = instance_names(self._settings, selected.name)

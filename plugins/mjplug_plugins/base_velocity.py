@@ -3,7 +3,7 @@
 import math
 
 import mujoco
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from mjplug.plugin import Host, Parameters, Plugin
 from mjplug.plugin.bundled import float_view
@@ -18,7 +18,10 @@ _MAX_VELOCITY = float(mujoco.mjMAXVAL)
 class BaseVelocityParameters(Parameters):
     """Parameters of BaseVelocity."""
 
-    body: str = Field(description="Body of the base; it needs a free joint.")
+    # Checked at the start, when the bodies of the model are known; editors still ask for it.
+    model_config = ConfigDict(json_schema_extra={"required": ["body"]})
+
+    body: str = Field(default="", description="Body of the base, required; it needs a free joint.")
     cmd_vel_topic: str = Field(default="cmd_vel", description="Topic of the commands.")
     use_stamped_twist: bool = Field(
         default=False,

@@ -1,12 +1,13 @@
 """Publishes pose and velocity of bodies with a free joint, in the world frame or in the frame of a body."""
 
 from itertools import product
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, UnknownName
+from mjplug.plugin import CdrFrame, Host, OneOrMore, Parameters, Plugin, UnknownName
 from mjplug_plugins.free_body import FreeBody, free_bodies, free_body
 from mjplug_schemas.geometry_msgs import PoseStamped, TwistStamped
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray
@@ -27,8 +28,8 @@ class FreeJointStatePublisherParameters(Parameters):
     """Parameters of FreeJointStatePublisher."""
 
     frame_id: str = Field(default="", description="Body whose frame the states are in; empty: the world.")
-    body_names: tuple[str, ...] = Field(
-        default=(), strict=False, description="Bodies to publish, in this order; empty: all with a free joint."
+    body_names: Annotated[tuple[str, ...], OneOrMore] = Field(
+        default=(), description="Bodies to publish, in this order; empty: all with a free joint."
     )
     topic: str = Field(default="free_joint_states", description="Topic name.")
     publish_rate: float = Field(default=50.0, gt=0, description="Messages per second of simulated time [Hz].")

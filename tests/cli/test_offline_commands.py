@@ -9,6 +9,7 @@ import pytest
 import yaml
 from cli.tour import typed
 
+from mjplug.config.settings import PluginEntry
 from mjplug.model.location import bundled_models
 from mjplug.plugin import registry
 from mjplug_schemas.registry import all_types, find
@@ -175,10 +176,12 @@ def references(schema):
 
 def test_the_schema_knows_every_setting_and_the_parameters_of_every_plugin(ask):
     schema = json.loads(ask("config", "schema"))
-    own = schema["else"]
+    own = schema["then"]
     assert own["additionalProperties"] is False
     assert {"model", "sim", "zenoh", "plugins"} <= set(own["properties"])
-    speed = resolve(own["properties"]["sim"], schema)["properties"]["speed"]
+    sim, nothing = own["properties"]["sim"]["anyOf"]
+    assert nothing == {"type": "null"}
+    speed = resolve(sim, schema)["properties"]["speed"]
     assert {"const": "max", "type": "string"} in speed["anyOf"]
     assert {reference.removeprefix("#/$defs/") for reference in references(schema)} <= set(schema["$defs"])
     entry = schema["$defs"]["PluginEntry"]
@@ -186,7 +189,7 @@ def test_the_schema_knows_every_setting_and_the_parameters_of_every_plugin(ask):
     assert set(conditions) == set(registry.registered())
     for name, then in conditions.items():
         parameters = registry.find(name).parameters_type
-        assert set(resolve(then, schema)["properties"]) == {"type", *parameters.model_fields}
+        assert set(resolve(then, schema)["properties"]) == {*PluginEntry.model_fields, *parameters.model_fields}
     assert resolve(conditions["heartbeat"], schema)["additionalProperties"] is False
 
 

@@ -77,7 +77,11 @@ def test_ignored_commands_are_counted_and_said_once_and_at_the_end(caplog):
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("", "unknown body with a free joint ''; known: base, other"),
+        (
+            "",
+            "the parameter body is missing; bodies with a free joint: base, other; for example "
+            "--set plugins.drive.body=base",
+        ),
         ("bass", "unknown body with a free joint 'bass', did you mean 'base'?; known: base, other"),
         ("post", "body 'post' has no free joint; bodies with a free joint: base, other"),
         ("world", "body 'world' has no free joint; bodies with a free joint: base, other"),

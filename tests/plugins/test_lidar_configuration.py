@@ -204,14 +204,18 @@ def refusal(model, **parameters):
 
 def test_an_unknown_lidar_is_refused_with_the_known_ones(model):
     assert refusal(model, frontt={}) == (
-        "unknown lidar 'frontt', did you mean 'front'?; known: front; a lidar that is not in the "
-        "model needs site, resolution, azimuth_range, elevation_range and max_range"
+        "unknown lidar 'frontt', did you mean 'front'?; known: front; for a lidar that is not in the model, these "
+        "parameters are missing: site, resolution, azimuth_range, elevation_range, max_range"
     )
+
+
+def test_a_lidar_without_a_site_is_told_that_just_the_site_is_missing(model):
+    assert refusal(model, mine=FREE).endswith("these parameters are missing: site")
 
 
 def test_what_a_new_lidar_lacks_is_said(model):
     assert refusal(model, mine={"site": "top"}) == (
-        "lidar 'mine': missing resolution, azimuth_range, elevation_range, max_range"
+        "lidar 'mine': these parameters are missing: resolution, azimuth_range, elevation_range, max_range"
     )
 
 
@@ -291,13 +295,21 @@ def test_a_configuration_is_read_as_it_is_written(tmp_path):
     assert math.isnan(scan.no_return)
 
 
+@pytest.mark.parametrize("resolution", ["360", "[360]", "[360, 1]"])
+def test_one_number_is_the_resolution_of_a_single_row(tmp_path, resolution):
+    parameters = selected_of(tmp_path, OURS.replace("[360, 1]", resolution)).parameters
+    assert parameters.__pydantic_extra__["scan"].resolution == (360, 1)
+
+
 WRONG = [
     (("max_range: 10", "max_rang: 10"), "scan.max_rang: unknown key; known: azimuth_range, "),
     (("threads: 2", "thread: 2"), "thread: unknown key; known: job_timeout, priority, sync, threads"),
     (("threads: 2", "threads: 0"), "threads: Input should be greater than or equal to 1, not 0"),
     (("max_range: 10", "max_range: 0.1"), "scan.max_range: max_range (0.1) must be above min_range (0.1)"),
-    (("[360, 1]", "[0, 1]"), "scan.resolution: columns and rows must be at least 1, not 0 and 1"),
-    (("[360, 1]", "360"), "scan.resolution: Input should be a list, not 360"),
+    (("[360, 1]", "[0, 1]"), "scan.resolution[0]: Input should be greater than or equal to 1, not 0"),
+    (("[360, 1]", "0"), "scan.resolution: Input should be greater than or equal to 1, not 0"),
+    (("[360, 1]", "[1, 2, 3]"), "scan.resolution: Value should have at most 2 items"),
+    (("[360, 1]", "3.5"), "scan.resolution: Input should be a whole number, not 3.5"),
     (("[-3.1416, 3.1416]", "[1, -1]"), "scan.azimuth_range: the first angle (1) must be below the second (-1)"),
     (
         ("[-3.1416, 3.1416]", "[-180, 180]"),

@@ -89,7 +89,18 @@ def test_a_run_of_a_given_duration_takes_exactly_its_steps(arm_model):
 def test_a_plugin_that_refuses_stops_the_start_and_the_others_are_cleaned_up(arm_model):
     with pytest.raises(PluginError, match="plugin b refused to start: no such body"):
         serve(arm_model, ("a", Good), ("b", Refusing), ("c", Good))
-    assert EVENTS == ["init a", "cleanup refusing", "cleanup a"]
+    assert EVENTS == ["init a", "init c", "cleanup c", "cleanup refusing", "cleanup a"]
+
+
+def test_what_every_plugin_refuses_is_said_at_once(arm_model):
+    with pytest.raises(PluginError) as refused:
+        serve(arm_model, ("a", Refusing), ("b", Good), ("c", Broken), ("d", Refusing))
+    assert str(refused.value) == (
+        "3 plugins did not start:\n"
+        "  plugin a refused to start: no such body\n"
+        "  plugin c failed to start: ZeroDivisionError('oops')\n"
+        "  plugin d refused to start: no such body"
+    )
 
 
 def test_a_plugin_that_breaks_while_starting_is_named_and_logged(arm_model, caplog):

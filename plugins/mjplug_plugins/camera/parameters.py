@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
-from mjplug.plugin import NestedParameters, Parameters, Priority
+from mjplug.plugin import NestedParameters, OneOrMore, Parameters, Priority
 from mjplug_plugins.camera.view import Segmentation
 
 Policy = Literal["streaming", "polled", "disabled"]
@@ -12,6 +12,8 @@ Quality = Literal["fast", "full"]
 Background = Literal["inf", "nan", "far", "zero"]
 
 Group = Annotated[int, Field(ge=0, le=5)]
+
+Groups = Annotated[tuple[Group, ...], OneOrMore]
 
 
 class ViewParameters(Parameters):
@@ -90,7 +92,5 @@ class CameraParameters(Parameters):
         description="Longest wall time that a trigger request waits for its image [s]; then it fails with the reason.",
     )
     jpeg_quality: int = Field(default=95, ge=1, le=100, description="Quality of the JPEG images [%].")
-    geom_groups: tuple[Group, ...] = Field(
-        default=(0, 1, 2), strict=False, description="Geom groups that are rendered."
-    )
-    site_groups: tuple[Group, ...] = Field(default=(), strict=False, description="Site groups that are rendered.")
+    geom_groups: Groups = Field(default=(0, 1, 2), description="Geom groups that are rendered.")
+    site_groups: Groups = Field(default=(), description="Site groups that are rendered.")

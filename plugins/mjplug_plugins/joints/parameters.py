@@ -3,9 +3,9 @@
 from math import isnan
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import Parameters
+from mjplug.plugin import OneOrMore, Parameters
 from mjplug_plugins.joints.scalar_joint import require_unique
 
 Interface = Literal["position", "velocity", "effort"]
@@ -13,12 +13,8 @@ Interface = Literal["position", "velocity", "effort"]
 Limit = Annotated[float, Field(allow_inf_nan=True)]
 
 
-def _as_tuple(value: object) -> object:
-    return (value,) if isinstance(value, str) else value
-
-
-Interfaces = Annotated[tuple[Interface, ...], BeforeValidator(_as_tuple), Field(strict=False)]
-Joints = Annotated[tuple[str, ...], AfterValidator(require_unique), Field(strict=False)]
+Interfaces = Annotated[tuple[Interface, ...], OneOrMore]
+Joints = Annotated[tuple[str, ...], OneOrMore, AfterValidator(require_unique)]
 
 
 class PidGains(Parameters):
@@ -76,7 +72,9 @@ class PidGainsByMode(Parameters):
 class Group(Parameters):
     """Joints that one Float64MultiArray topic commands."""
 
-    joints: Joints = Field(min_length=1, description="The joints, in the order of the numbers.")
+    joints: Annotated[tuple[str, ...], Field(min_length=1), OneOrMore, AfterValidator(require_unique)] = Field(
+        description="The joints, in the order of the numbers."
+    )
     interface: Interface = Field(default="position", description="Command interface of the numbers.")
     topic: str = Field(default="", description="Topic name; empty: `<group>/commands`.")
 
@@ -105,7 +103,7 @@ class JointCommandsParameters(Parameters):
     pid_gains: PidGainsByMode | None = Field(
         default=None, description="PID gains: `position.<name>` and `velocity.<name>`, by joint or actuator."
     )
-    actuators: dict[str, Annotated[tuple[str, ...], BeforeValidator(_as_tuple), Field(strict=False)]] = Field(
+    actuators: dict[str, Annotated[tuple[str, ...], OneOrMore]] = Field(
         default={}, description="Actuators of joints that the model does not define: a name or a list for each joint."
     )
     mimic: dict[str, Mimic] = Field(

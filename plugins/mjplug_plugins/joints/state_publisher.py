@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from mjplug.plugin import CdrFrame, Host, Parameters, Plugin
+from mjplug.plugin import CdrFrame, Host, OneOrMore, Parameters, Plugin
 from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, require_unique, scalar_joints
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Header
@@ -25,16 +25,15 @@ class JointStatePublisherParameters(Parameters):
 
     topic: str = Field(default="{ns}/joint_states", description="Topic name.")
     rate: float = Field(default=100.0, gt=0, description="Messages per second of simulated time [Hz].")
-    joints: Annotated[tuple[str, ...], AfterValidator(require_unique)] = Field(
-        default=(), strict=False, description="Joints to publish, in this order; empty: all hinges and slides."
+    joints: Annotated[tuple[str, ...], OneOrMore, AfterValidator(require_unique)] = Field(
+        default=(), description="Joints to publish, in this order; empty: all hinges and slides."
     )
     order: Literal["model", "actuators"] = Field(
         default="model",
         description="Order if `joints` is empty: `model`, or `actuators`: actuated joints first, in actuator order.",
     )
-    interfaces: tuple[Interface, ...] = Field(
+    interfaces: Annotated[tuple[Interface, ...], OneOrMore] = Field(
         default=("position", "velocity", "effort"),
-        strict=False,
         description="Contents of the messages: any of `position`, `velocity` and `effort`.",
     )
     frame_id: str = Field(default="", description="Frame in the header; joint states need none.")

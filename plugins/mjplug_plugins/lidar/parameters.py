@@ -2,20 +2,17 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import NestedParameters, Parameters, Priority
-
-
-def _as_list(value: object) -> object:
-    """Returns a single value as a list of one element."""
-    return [value] if isinstance(value, int | float | str) and not isinstance(value, bool) else value
+from mjplug.plugin import NestedParameters, OneOrMore, Parameters, Priority
 
 
 _HALF_TURN = 3.1416
 """Half a turn, rounded up because angles in files are rounded [rad]."""
 
 Angle = Annotated[float, Field(ge=-_HALF_TURN, le=_HALF_TURN)]
+
+Count = Annotated[int, Field(ge=1)]
 
 Flag = Literal[0, 1]
 
@@ -30,15 +27,15 @@ class LidarParameters(Parameters):
     topic: str | None = Field(
         default=None, description="Topic name; default: `{ns}/scan`, or `{ns}/points` with several rows."
     )
-    resolution: Annotated[tuple[int, int], Field(strict=False)] | None = Field(
-        default=None, description="Columns and rows of rays."
+    resolution: Annotated[tuple[Count, ...], Field(min_length=1, max_length=2), OneOrMore] | None = Field(
+        default=None, description="Columns and rows of rays; one number is that of the columns of a single row."
     )
     azimuth_range: Annotated[tuple[Angle, Angle], Field(strict=False)] | None = Field(
         default=None, description="Angle of the first and the last column, from the x axis towards y [rad]."
     )
-    elevation_range: (
-        Annotated[tuple[Angle, ...], BeforeValidator(_as_list), Field(strict=False, min_length=1, max_length=2)] | None
-    ) = Field(default=None, description="Angle of the lowest and the highest row; one angle for a single row [rad].")
+    elevation_range: Annotated[tuple[Angle, ...], Field(min_length=1, max_length=2), OneOrMore] | None = Field(
+        default=None, description="Angle of the lowest and the highest row; one angle for a single row [rad]."
+    )
     endpoint: bool = Field(default=True, description="Whether the last column is at the end of azimuth_range.")
     min_range: float | None = Field(default=None, ge=0, description="Shortest distance that can be measured [m].")
     max_range: float | None = Field(default=None, gt=0, description="Longest distance that can be measured [m].")
@@ -48,7 +45,7 @@ class LidarParameters(Parameters):
     geomgroup: (
         Literal["all", "colliding"] | Annotated[tuple[Flag, Flag, Flag, Flag, Flag, Flag], Field(strict=False)]
     ) = Field(default="all", description="Geom groups that the rays hit.")
-    exclude_body: Annotated[tuple[str, ...], BeforeValidator(_as_list), Field(strict=False)] | None = Field(
+    exclude_body: Annotated[tuple[str, ...], OneOrMore] | None = Field(
         default=None, description="Bodies that the rays pass through; default: the body of the site."
     )
     noise_std: float = Field(
@@ -61,10 +58,8 @@ class LidarParameters(Parameters):
 
     @field_validator("resolution")
     @classmethod
-    def _counts(cls, resolution: tuple[int, int] | None) -> tuple[int, int] | None:
-        if resolution is not None and min(resolution) < 1:
-            raise ValueError(f"columns and rows must be at least 1, not {resolution[0]} and {resolution[1]}")
-        return resolution
+    def _with_rows(cls, resolution: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        return (*resolution, 1) if resolution is not None and len(resolution) == 1 else resolution
 
     @field_validator("azimuth_range", "elevation_range")
     @classmethod

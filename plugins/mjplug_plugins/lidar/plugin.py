@@ -19,7 +19,7 @@ from mjplug.plugin import (
 )
 from mjplug.plugin.bundled import lidar_sensors
 from mjplug_plugins.lidar.parameters import LidarParameters, PluginParameters
-from mjplug_plugins.lidar.settings import Settings, settings_of
+from mjplug_plugins.lidar.settings import REQUIRED, Settings, settings_of
 from mjplug_plugins.lidar.work import LidarWork
 from mjplug_plugins.rate_monitor import RateMonitor
 from mjplug_schemas.sensor_msgs import LaserScan, PointCloud2
@@ -104,10 +104,8 @@ def _lidars(host: Host, configured: Mapping[str, LidarParameters]) -> list[Setti
         given = configured.get(name, LidarParameters())
         if name not in sensors and given.site is None:
             unknown = UnknownName("lidar", name, sensors)
-            raise PluginError(
-                f"{unknown}; a lidar that is not in the model needs site, resolution, azimuth_range, elevation_range "
-                "and max_range"
-            )
+            missing = ", ".join(key for key in REQUIRED if getattr(given, key) is None)
+            raise PluginError(f"{unknown}; for a lidar that is not in the model, these parameters are missing: {missing}")
         # The seed contains the name, so that adding a lidar does not change the noise of the others.
         noise = (seed, *name.encode())
         settings = settings_of(host.model, name, sensors.get(name), given, noise)

@@ -17,7 +17,8 @@ DEFAULT_MODEL_RATE = 1.0
 MAX_RAYS = 5_000_000
 """Largest number of rays of a lidar; more are a mistake or make messages too large to send."""
 
-_REQUIRED = ("site", "resolution", "azimuth_range", "elevation_range", "max_range")
+REQUIRED = ("site", "resolution", "azimuth_range", "elevation_range", "max_range")
+"""Parameters that a lidar needs, from the model or from the configuration."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +83,9 @@ def settings_of(
     attributes = {} if sensor is None else sensor.attributes
     modelled = LidarParameters.model_validate({key: value for key, value in attributes.items() if key != "async"})
     parameters = modelled.model_copy(update=given.model_dump(exclude_unset=True))
-    missing = [key for key in _REQUIRED if getattr(parameters, key) is None and not (sensor and key == "site")]
+    missing = [key for key in REQUIRED if getattr(parameters, key) is None and not (sensor and key == "site")]
     if missing:
-        raise PluginError(f"lidar {name!r}: missing {', '.join(missing)}")
+        raise PluginError(f"lidar {name!r}: these parameters are missing: {', '.join(missing)}")
     resolution, azimuths, elevations = parameters.resolution, parameters.azimuth_range, parameters.elevation_range
     max_range = parameters.max_range
     assert resolution is not None

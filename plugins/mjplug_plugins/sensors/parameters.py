@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator
 
-from mjplug.plugin import NestedParameters, Parameters
+from mjplug.plugin import NestedParameters, OneOrMore, Parameters
 from mjplug_plugins.sensors.kinds import KindName
 
 
@@ -104,9 +104,8 @@ class SensorsParameters(Parameters):
     rate: float = Field(
         default=100.0, gt=0, description="Messages per second of simulated time, for every sensor [Hz]."
     )
-    discover: tuple[KindName, ...] = Field(
+    discover: Annotated[tuple[KindName, ...], OneOrMore] = Field(
         default=("imu", "fts", "pose", "magnetometer", "rangefinder", "touch", "orientation", "array"),
-        strict=False,
         description="Kinds of sensors to find in the model; `scalar` and `vector` can be added.",
     )
     noise: bool = Field(

@@ -4,8 +4,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from mjplug.plugin import Parameters
+from mjplug.plugin import OneOrMore, Parameters
 
+Names = Annotated[tuple[str, ...], OneOrMore]
 Numbers = Annotated[tuple[float, float, float], Field(strict=False)]
 
 
@@ -36,13 +37,12 @@ class TransformsParameters(Parameters):
         min_length=1,
         description="Name of the world frame; with a leading `/` it gets no `frame_prefix`.",
     )
-    bodies: tuple[str, ...] = Field(
-        default=(), strict=False, description="Bodies to publish; empty: all bodies with a name."
+    bodies: Names = Field(
+        default=(), description="Bodies to publish; empty: all bodies with a name."
     )
-    exclude: tuple[str, ...] = Field(default=(), strict=False, description="Bodies that are not published.")
-    roots: tuple[str, ...] = Field(
+    exclude: Names = Field(default=(), description="Bodies that are not published.")
+    roots: Names = Field(
         default=(),
-        strict=False,
         description="Bodies whose parent another publisher defines, such as a base of Odometry with `publish_tf`.",
     )
     cameras: bool = Field(default=True, description="Whether the frames of cameras, `<camera>_frame`, are published.")
