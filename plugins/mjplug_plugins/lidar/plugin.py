@@ -105,7 +105,9 @@ def _lidars(host: Host, configured: Mapping[str, LidarParameters]) -> list[Setti
         if name not in sensors and given.site is None:
             unknown = UnknownName("lidar", name, sensors)
             missing = ", ".join(key for key in REQUIRED if getattr(given, key) is None)
-            raise PluginError(f"{unknown}; for a lidar that is not in the model, these parameters are missing: {missing}")
+            raise PluginError(
+                f"{unknown}; for a lidar that is not in the model, these parameters are missing: {missing}"
+            )
         # The seed contains the name, so that adding a lidar does not change the noise of the others.
         noise = (seed, *name.encode())
         settings = settings_of(host.model, name, sensors.get(name), given, noise)

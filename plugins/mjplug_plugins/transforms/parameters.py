@@ -37,9 +37,7 @@ class TransformsParameters(Parameters):
         min_length=1,
         description="Name of the world frame; with a leading `/` it gets no `frame_prefix`.",
     )
-    bodies: Names = Field(
-        default=(), description="Bodies to publish; empty: all bodies with a name."
-    )
+    bodies: Names = Field(default=(), description="Bodies to publish; empty: all bodies with a name.")
     exclude: Names = Field(default=(), description="Bodies that are not published.")
     roots: Names = Field(
         default=(),
