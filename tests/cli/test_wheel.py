@@ -119,7 +119,7 @@ def test_the_core_passes_its_tests_on_mujoco_4(on_mujoco_4):
     command = [on_mujoco_4.with_name("pytest"), "-q", "-p", "no:cacheprovider", "-m", "not slow"]
     plugins = [f"tests/plugins/test_{name}.py" for name in ("heartbeat", "external_wrench")]
     done = subprocess.run(
-        [*command, "tests/core", "tests/services", *plugins],
+        [*command, "tests/physics", "tests/services", *plugins],
         cwd=ROOT, capture_output=True, text=True, timeout=600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-5000:]
