@@ -36,7 +36,7 @@ def import_mujoco() -> None:
         else:
             os.environ[_BACKEND] = backend
     for module in (mujoco, sys.modules.get(_GL_CONTEXT)):
-        if module is not None and not hasattr(module, "GLContext"):
+        if module is not None and "GLContext" not in vars(module):
             module.__dict__["__getattr__"] = _load_backend
 
 

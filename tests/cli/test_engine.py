@@ -38,3 +38,9 @@ def test_where_rendering_is_disabled_it_stays_so(cli):
     done = cli("-c", RENDER.format(backend="disable"), command=[sys.executable], env={"MUJOCO_GL": "disable"})
     assert done.returncode == 1
     assert "AttributeError: module 'mujoco' has no attribute 'GLContext'" in done.stderr
+
+
+def test_importing_again_asks_for_no_backend(cli):
+    twice = "from mjplug.cli.engine import import_mujoco\nimport_mujoco()\nimport_mujoco()"
+    done = cli("-c", twice, command=[sys.executable], env={"MUJOCO_GL": "crayons"})
+    assert (done.returncode, done.stderr) == (0, "")
