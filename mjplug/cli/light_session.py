@@ -1,18 +1,12 @@
 """Zenoh sessions for commands that have to be quick: the Python client's modules take a second to import."""
 
 import json
-import re
 
 import zenoh
 
 from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-
-_ANSWER_TIMEOUT = 2.0
-"""How long to wait for the names of servers [s]; they come within a millisecond."""
-
-_NAME = re.compile(r"[A-Za-z0-9_/]+")
 
 
 def light_session(endpoint: str | None, file: str | None = None, timeout_ms: int = 2000) -> zenoh.Session:
@@ -29,7 +23,8 @@ def light_session(endpoint: str | None, file: str | None = None, timeout_ms: int
     config = read_zenoh_file(file)
     settings = {
         "mode": "client",
-        "connect/timeout_ms": timeout_ms,
+        # One attempt: Zenoh itself would try again until then, also at a port that refuses connections.
+        "connect/timeout_ms": 0,
         "transport/unicast/open_timeout": timeout_ms,
         "scouting/multicast/enabled": False,
     }
@@ -38,16 +33,3 @@ def light_session(endpoint: str | None, file: str | None = None, timeout_ms: int
     if endpoint is not None or not setting(config, "connect/endpoints"):
         config.insert_json5("connect/endpoints", json.dumps([endpoint or DEFAULT_ENDPOINT]))
     return zenoh.open(config)
-
-
-def announced(session: zenoh.Session) -> list[str]:
-    """Returns the full names of the servers that are announced on a session's network."""
-    found = set()
-    for reply in session.liveliness().get("@mjplug/**", timeout=_ANSWER_TIMEOUT):
-        if reply.ok is not None:
-            # @mjplug/<namespace>/<node name>/<Zenoh id>
-            name = "/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1])
-            # Any program can announce another one, which is no server's.
-            if _NAME.fullmatch(name):
-                found.add(name)
-    return sorted(found)

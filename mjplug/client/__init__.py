@@ -11,7 +11,7 @@ It needs Zenoh and `mjplug_schemas`, and imports neither MuJoCo nor numpy:
 """
 
 from mjplug.client.client import Client
-from mjplug.client.connection import DEFAULT_ENDPOINT, connect
+from mjplug.client.connection import connect
 from mjplug.client.errors import (
     ClientError,
     NoServerError,
@@ -20,9 +20,10 @@ from mjplug.client.errors import (
     UnknownNameError,
     WrongTypeError,
 )
-from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.client.failure import DEFAULT_ENDPOINT
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import Subscription
+from mjplug.wire.discovery.format import ServerInfo, ServiceInfo, TopicInfo
 
 __all__ = [
     "DEFAULT_ENDPOINT",

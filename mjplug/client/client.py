@@ -11,15 +11,16 @@ import zenoh
 from mjplug.client import request
 from mjplug.client.confirmation import await_publishers
 from mjplug.client.errors import TimedOutError, WrongTypeError
-from mjplug.client.graph import Graph
-from mjplug.client.listing import ServiceInfo, TopicInfo
+from mjplug.client.graph import GIVE_TYPE, Graph
 from mjplug.client.parameters import read as read_parameters
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import Subscription
 from mjplug.client.timeouts import bounded
 from mjplug.client.types import Fields, as_message, find, known, message_class
+from mjplug.wire.discovery.format import ServiceInfo, TopicInfo
 from mjplug_schemas import names
 from mjplug_schemas.message import Message
+from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 
 M = TypeVar("M")
 
@@ -48,21 +49,45 @@ class Client(Graph):
 
     @overload
     def subscribe(
-        self, name: str, type: None = None, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+        self,
+        name: str,
+        type: None = None,
+        callback: Callable[[Any], None] | None = None,
+        *,
+        depth: int = 10,
+        history: int | None = None,
     ) -> Subscription[Any]: ...
 
     @overload
     def subscribe(
-        self, name: str, type: str, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+        self,
+        name: str,
+        type: str,
+        callback: Callable[[Any], None] | None = None,
+        *,
+        depth: int = 10,
+        history: int | None = None,
     ) -> Subscription[Any]: ...
 
     @overload
     def subscribe(
-        self, name: str, type: type[M], callback: Callable[[M], None] | None = None, *, depth: int = 10
+        self,
+        name: str,
+        type: type[M],
+        callback: Callable[[M], None] | None = None,
+        *,
+        depth: int = 10,
+        history: int | None = None,
     ) -> Subscription[M]: ...
 
     def subscribe(
-        self, name: str, type: Any = None, callback: Callable[[Any], None] | None = None, *, depth: int = 10
+        self,
+        name: str,
+        type: Any = None,
+        callback: Callable[[Any], None] | None = None,
+        *,
+        depth: int = 10,
+        history: int | None = None,
     ) -> Subscription[Any]:
         """Reads a topic. A latched topic gives its last messages at once.
 
@@ -72,19 +97,22 @@ class Client(Graph):
         Args:
             name: The topic.
             type: The class of its messages, or its name; None asks the server. `dict` gives nested dictionaries,
-                whatever the type is.
+                whatever the type is, and `bytes` the messages as they come, in CDR.
             callback: Gets each message, on a thread of its own. Without it, iterate, or call `next` or `latest`.
             depth: How many messages may wait to be taken; 1 is the newest only.
+            history: How many messages that were published before to ask for; None is as many as a latched topic
+                keeps, and none of other topics.
 
         Raises:
             UnknownNameError: No server has the topic, and no type is given.
             WrongTypeError: The topic has another type, or one that this side has no class for.
         """
-        full, topic, kind = self._choose(name, type)
+        full, topic, kind = self._choose(name, type, raw=True)
         subscription: Subscription[Any] = Subscription(full, kind, depth, callback)
         key = f"{names.key(full)}/@json" if kind is dict else names.key(full)
         with self._lock:
-            subscription.open(self.session, key, topic.depth if topic is not None and topic.latched else 0)
+            kept = topic.depth if topic is not None and topic.latched else 0
+            subscription.open(self.session, key, kept if history is None else history)
             self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
         if topic is not None and not topic.latched:
             await_publishers(self.session, topic.publishers, key)
@@ -164,7 +192,7 @@ class Client(Graph):
             self._called[name] = service
         except TimedOutError as error:
             self._called.pop(name, None)
-            raise TimedOutError(f"{error}{self._excuse(service)}") from None
+            raise TimedOutError(f"{error}{self._excuse(service, sent)}") from None
         if check:
             request.check(service, response)
         return response
@@ -191,19 +219,25 @@ class Client(Graph):
     ) -> None:
         self.close()
 
-    def _choose(self, name: str, kind: Any) -> tuple[str, TopicInfo | None, Any]:
-        """Returns the full name of a topic, what servers say of it, and the class to use."""
+    def _choose(self, name: str, kind: Any, raw: bool = False) -> tuple[str, TopicInfo | None, Any]:
+        """Returns the full name of a topic, what servers say of it, and the class to use.
+
+        Args:
+            name: The topic.
+            kind: The class, or the name of a type, or None.
+            raw: Whether the class may be `bytes`.
+        """
         full = self.resolve(name)
         topics, silent = self._topics_for(full)
         topic = topics.get(full)
         if kind is None:
-            topic = self._known("topic", full, topics, silent)
+            topic = self._known("topic", full, topics, silent, GIVE_TYPE)
             try:
                 return full, topic, find(topic.type)
             except WrongTypeError as error:
                 raise WrongTypeError(f"topic {full}: {error}; `dict` reads it all the same") from None
-        chosen = message_class(kind)
-        if topic is not None and chosen is not dict and topic.type != chosen.TYPE:
+        chosen: Any = bytes if raw and kind is bytes else message_class(kind)
+        if topic is not None and chosen not in (bytes, dict) and topic.type != chosen.TYPE:
             raise WrongTypeError(f"topic {full} is {topic.type}, not {chosen.TYPE}")
         return full, topic, chosen
 
@@ -214,7 +248,10 @@ class Client(Graph):
         speed = read_parameters(self.session, service.server).get("sim.speed")
         return float(speed) if isinstance(speed, int | float) else 1.0
 
-    def _excuse(self, service: ServiceInfo) -> str:
-        if read_parameters(self.session, service.server).get("sim.paused") is True:
-            return "; the simulation is paused"
-        return ""
+    def _excuse(self, service: ServiceInfo, sent: Any) -> str:
+        if read_parameters(self.session, service.server).get("sim.paused") is not True:
+            return ""
+        if isinstance(sent, StepSimulation.Request):
+            # It is paused meanwhile, as far as others see.
+            return "; the server still takes the steps, until `mjplug sim pause` or ~/set_pause cancels them"
+        return "; the simulation is paused"

@@ -5,7 +5,8 @@ from urllib.parse import quote
 
 import zenoh
 
-from mjplug.client.timeouts import AT_ONCE
+from mjplug.wire.discovery.format import interfaces_key
+from mjplug.wire.discovery.questions import AT_ONCE
 
 _TIMEOUT = 2.0
 """How long to wait for each server [s]; it takes a millisecond, and a slow network somewhat longer."""
@@ -24,9 +25,7 @@ def await_publishers(session: zenoh.Session, servers: Iterable[str], key: str) -
         key: The key that the subscriber reads.
     """
     pending = [
-        session.get(
-            f"{name.removeprefix('/')}/interfaces?subscribed={quote(key)}", consolidation=AT_ONCE, timeout=_TIMEOUT
-        )
+        session.get(f"{interfaces_key(name)}?subscribed={quote(key)}", consolidation=AT_ONCE, timeout=_TIMEOUT)
         for name in servers
     ]
     for replies in pending:

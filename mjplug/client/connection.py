@@ -4,25 +4,21 @@ import json
 import os
 import re
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import zenoh
 
 from mjplug.client.client import Client
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
-from mjplug.client.listing import server_names
+from mjplug.client.failure import DEFAULT_ENDPOINT, VARIABLE, examine
 from mjplug.client.refusal import refuse_expired, why_refused
 from mjplug.client.timeouts import bounded
+from mjplug.wire.discovery.questions import NoAnswerError, server_names
 from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where a server listens unless it is told otherwise."""
-
-VARIABLE = "MJPLUG_CONNECT"
-"""The environment variable that names another endpoint."""
-
-_HANDSHAKE_MS = 1000
-"""How long to wait for an answer to Zenoh's handshake [ms]."""
+_HANDSHAKE, _LONGEST_HANDSHAKE = 1.0, 4.0
+"""How long to wait for an answer to Zenoh's handshake at the first attempt, and at most [s]."""
 
 _RETRY = 0.1
 """Pause between two attempts [s]."""
@@ -44,37 +40,64 @@ def connect(
             says, else the first endpoint in `config`, else `tcp/127.0.0.1:7447`.
         server: The full name of the server to talk to, such as `/robot1/mjplug`; needed only where several are, and
             only for names with `~`.
-        timeout: How long to wait for a server [s]; 0 is one attempt.
+        timeout: How long to wait for a server [s]; 0 is one attempt, which waits 1 s for an answer.
         config: A Zenoh configuration file, for TLS, passwords and so on.
 
     Returns:
         The client; close it, or use it in a `with` statement.
 
     Raises:
-        NoServerError: Nobody is there, or nobody who lets us in.
+        NoServerError: No server answered in time, or it does not let this client in; the sentence says which.
         UnknownNameError: There are servers, but none of this name.
     """
-    return open_client(endpoint, server, timeout, config)
+    return open_client(endpoint, server, Timeouts(timeout, timeout), config)
+
+
+@dataclass(frozen=True, slots=True)
+class Timeouts:
+    """How long to try to connect.
+
+    Attributes:
+        absent: How long to wait for a server that is not there: the port refuses connections, or the network has no
+            server [s].
+        slow: How long to wait for one that accepts connections and does not answer [s].
+    """
+
+    absent: float
+    slow: float
 
 
 def open_client(
     endpoint: str | None,
     server: str,
-    timeout: float,
+    timeouts: Timeouts,
     config: str | os.PathLike[str] | None,
     kind: type[Client] = Client,
 ) -> Client:
-    """Connects as `connect` does, with a client of some class."""
+    """Connects as `connect` does, with a client of some class.
+
+    Args:
+        endpoint: As there.
+        server: As there.
+        timeouts: How long to wait for a server that is not there, and for one that is slow.
+        config: As there.
+        kind: The class of the client.
+
+    Raises:
+        NoServerError: As there.
+        UnknownNameError: As there.
+    """
     server = f"/{server.removeprefix('/')}" if server else ""
-    until = time.monotonic() + bounded(timeout)
+    began = time.monotonic()
+    timeouts = Timeouts(bounded(timeouts.absent), bounded(timeouts.slow))
     settings = _read(config)
     chosen = _choose(endpoint, settings)
     if config is not None:
         refuse_expired(settings, Path(config))
     _complete(settings, chosen)
-    session = _open(settings, chosen, until, None if config is None else Path(config))
+    session = _open(settings, chosen, began, timeouts, None if config is None else Path(config))
     try:
-        _wait_for_server(session, chosen, server, until)
+        _wait_for_server(session, chosen, server, began, timeouts)
         return kind(session, chosen, server)
     except BaseException:
         # An open session would keep the process from ending.
@@ -95,22 +118,36 @@ def _choose(endpoint: str | None, settings: zenoh.Config) -> str:
     return endpoint or os.environ.get(VARIABLE) or _endpoint_in(settings) or DEFAULT_ENDPOINT
 
 
-def _open(settings: zenoh.Config, endpoint: str, until: float, file: Path | None) -> zenoh.Session:
+def _open(settings: zenoh.Config, endpoint: str, began: float, timeouts: Timeouts, file: Path | None) -> zenoh.Session:
+    handshake = _HANDSHAKE
     while True:
+        settings.insert_json5("transport/unicast/open_timeout", str(round(handshake * 1e3)))
+        attempt = time.monotonic()
         try:
             return zenoh.open(settings)
-        except zenoh.ZError as error:
-            if time.monotonic() >= until:
-                raise NoServerError(why_refused(settings, file, endpoint) or _way_out(endpoint, error)) from None
-        time.sleep(_RETRY)
+        except zenoh.ZError:
+            waited = time.monotonic() - attempt
+            failure = examine(endpoint, handshake, timed_out=waited >= 0.9 * handshake)
+        left = began + (timeouts.slow if failure.slow else timeouts.absent) - time.monotonic()
+        if left <= 0.0:
+            raise NoServerError(why_refused(settings, file, endpoint) or failure.reason)
+        time.sleep(min(_RETRY, left))
+        if failure.slow:
+            # It may need longer, as on a busy machine.
+            handshake = min(2.0 * handshake, _LONGEST_HANDSHAKE, max(left, _HANDSHAKE))
 
 
-def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, until: float) -> None:
+def _wait_for_server(session: zenoh.Session, endpoint: str, server: str, began: float, timeouts: Timeouts) -> None:
     while True:
-        names = server_names(session)
+        try:
+            names = server_names(session)
+        except NoAnswerError as error:
+            if time.monotonic() >= began + timeouts.slow:
+                raise NoServerError(f"{error} at {endpoint}: its server is stopped or overloaded") from None
+            continue
         if server in names or (names and not server):
             return
-        if time.monotonic() >= until:
+        if time.monotonic() >= began + timeouts.absent:
             break
         time.sleep(_RETRY)
     if names:
@@ -146,21 +183,10 @@ def _complete(config: zenoh.Config, endpoint: str) -> None:
     for key, value in (
         ("mode", "client"),
         ("scouting/multicast/enabled", False),
-        ("connect/timeout_ms", _HANDSHAKE_MS),
-        ("transport/unicast/open_timeout", _HANDSHAKE_MS),
+        # One attempt: Zenoh itself would try again until then, also at a port that refuses connections.
+        ("connect/timeout_ms", 0),
     ):
         config.insert_json5(key, json.dumps(value))
-
-
-def _way_out(endpoint: str, error: zenoh.ZError) -> str:
-    at_home = "127.0.0.1" in endpoint or "localhost" in endpoint
-    port = endpoint.rpartition(":")[2]
-    start = "mjplug serve bundled:box" + ("" if endpoint == DEFAULT_ENDPOINT else f" --listen {endpoint}")
-    far = f"start one there that lets others in (--listen tcp/0.0.0.0:{port}), or"
-    return (
-        f"no mjplug server at {endpoint}; {f'start one ({start}), or' if at_home else far} "
-        f"give the endpoint that its `ready` line shows (--connect, {VARIABLE}, or connect(endpoint))"
-    )
 
 
 def _plain(error: zenoh.ZError) -> str:

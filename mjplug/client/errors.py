@@ -24,15 +24,16 @@ class UnknownNameError(ClientError):
         name: Its name.
         known: The names there are.
         silent: Servers that are announced but did not answer; one of them may have it.
+        hint: What to do if the name is right.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str], silent: Sequence[str] = ()) -> None:
+    def __init__(self, kind: str, name: str, known: Iterable[str], silent: Sequence[str] = (), hint: str = "") -> None:
         names = sorted(set(known))
         more = f", … ({len(names)} in all)" if len(names) > _MOST_LISTED else ""
         there = f"there are: {', '.join(names[:_MOST_LISTED])}{more}" if names else f"there is no {kind} at all"
         if silent:
             there += f"; announced, but without an answer: {', '.join(silent[:_MOST_LISTED])}"
-        super().__init__(f"unknown {kind} {quoted(name)}{_suggestion(name, names)}; {there}")
+        super().__init__(f"unknown {kind} {quoted(name)}{_suggestion(name, names)}; {there}{hint and f'; {hint}'}")
 
 
 def _suggestion(name: str, names: list[str]) -> str:

@@ -6,11 +6,19 @@ from typing import Any
 
 import zenoh
 
-from mjplug.client import listing
 from mjplug.client.errors import ClientError, NoServerError, TimedOutError, UnknownNameError
-from mjplug.client.listing import ServerInfo, ServiceInfo, TopicInfo
 from mjplug.client.timeouts import bounded
 from mjplug.client.types import find
+from mjplug.wire.discovery import questions
+from mjplug.wire.discovery.format import (
+    ServerInfo,
+    ServiceInfo,
+    TopicInfo,
+    UnreadableListError,
+    all_services,
+    all_topics,
+    parse,
+)
 from mjplug_schemas import names
 from mjplug_schemas.errors import NameRuleError
 
@@ -21,6 +29,10 @@ _NEAREST = 2
 
 _POLL = 0.05
 """How often `wait_for` looks [s]."""
+
+
+GIVE_TYPE = "if the name is right, give its type, such as geometry_msgs/msg/Twist"
+"""What to do with a topic that no server has: only the user knows its type."""
 
 
 class Graph:
@@ -59,9 +71,9 @@ class Graph:
 
         Raises:
             ClientError: There are several, and none was chosen.
-            NoServerError: It is gone.
+            NoServerError: It is gone, or does not answer.
         """
-        return listing.parse(listing.ask(self.session, self._name()))
+        return self._ask(self._name())
 
     def servers(self) -> dict[str, ServerInfo]:
         """Returns all servers of the network by name.
@@ -73,15 +85,15 @@ class Graph:
 
     def nodes(self) -> list[str]:
         """Returns the full names of all servers; each of them is a node to ROS."""
-        return list(listing.server_names(self.session))
+        return list(self._names())
 
     def topics(self) -> dict[str, TopicInfo]:
         """Returns the topics of all servers by name."""
-        return listing.all_topics(self.servers().values())
+        return all_topics(self.servers().values())
 
     def services(self) -> dict[str, ServiceInfo]:
         """Returns the services of all servers by name."""
-        return listing.all_services(self.servers().values())
+        return all_services(self.servers().values())
 
     def topic(self, name: str) -> TopicInfo:
         """Returns what is known of a topic.
@@ -90,7 +102,7 @@ class Graph:
             UnknownNameError: No server has it.
         """
         servers, silent = self._ask_all()
-        found: TopicInfo = self._known("topic", name, listing.all_topics(servers.values()), silent)
+        found: TopicInfo = self._known("topic", name, all_topics(servers.values()), silent)
         return found
 
     def service(self, name: str) -> ServiceInfo:
@@ -104,7 +116,7 @@ class Graph:
             if full in server.services:
                 return server.services[full]
         servers, silent = self._ask_all()
-        found: ServiceInfo = self._known("service", full, listing.all_services(servers.values()), silent)
+        found: ServiceInfo = self._known("service", full, all_services(servers.values()), silent)
         return found
 
     def resolve(self, name: str) -> str:
@@ -133,7 +145,7 @@ class Graph:
         if not type.startswith(("/", "~")):
             return find(type)
         servers, silent = self._ask_all()
-        offered: dict[str, Any] = listing.all_topics(servers.values()) | listing.all_services(servers.values())
+        offered: dict[str, Any] = all_topics(servers.values()) | all_services(servers.values())
         return find(self._known("topic or service", type, offered, silent).type)
 
     def wait_for(self, name: str, timeout: float = 10.0) -> TopicInfo | ServiceInfo:
@@ -160,14 +172,37 @@ class Graph:
             # It may be about to start.
             return None
         # Silent servers are no reason to warn while something is waited for.
-        for server in (*self._nearest(full), *listing.ask_all(self.session)[0].values()):
+        for server in (*self._nearest(full), *self._everybody()[0].values()):
             if found := server.topics.get(full) or server.services.get(full):
                 return found
         return None
 
+    def _names(self) -> tuple[str, ...]:
+        try:
+            return questions.server_names(self.session)
+        except questions.NoAnswerError as error:
+            raise self._no_answer(error) from None
+
+    def _ask(self, name: str) -> ServerInfo:
+        try:
+            return parse(questions.ask(self.session, name))
+        except questions.NoAnswerError as error:
+            raise NoServerError(str(error)) from None
+        except UnreadableListError as error:
+            raise ClientError(str(error)) from None
+
+    def _everybody(self) -> tuple[dict[str, ServerInfo], dict[str, str]]:
+        try:
+            return questions.ask_all(self.session)
+        except questions.NoAnswerError as error:
+            raise self._no_answer(error) from None
+
+    def _no_answer(self, error: questions.NoAnswerError) -> NoServerError:
+        return NoServerError(f"{error} at {self.endpoint}: its server is stopped or overloaded")
+
     def _ask_all(self) -> tuple[dict[str, ServerInfo], tuple[str, ...]]:
         """Returns all servers that answer, and the names of those that are announced but do not."""
-        servers, silent = listing.ask_all(self.session)
+        servers, silent = self._everybody()
         for name in silent.keys() - self._silent:
             _log.warning("%s; it is left out", silent[name])
         self._silent = set(silent)
@@ -180,7 +215,7 @@ class Graph:
             if full in server.topics and server.topics[full].publishers:
                 return server.topics, ()
         servers, silent = self._ask_all()
-        return listing.all_topics(servers.values()), silent
+        return all_topics(servers.values()), silent
 
     def _nearest(self, full: str) -> list[ServerInfo]:
         """Returns the servers whose name or namespace a full name begins with, the longest first, `_NEAREST` at most.
@@ -188,14 +223,14 @@ class Graph:
         They most likely have it, and asking them takes a millisecond, however many others there are.
         """
         near: dict[str, int] = {}
-        for name in listing.server_names(self.session):
+        for name in self._names():
             for start in (name, name.rpartition("/")[0]):
                 if start and full.startswith(f"{start}/"):
                     near[name] = max(near.get(name, 0), len(start))
         found = []
         for name in sorted(near, key=lambda name: -near[name])[:_NEAREST]:
             try:
-                found.append(listing.parse(listing.ask(self.session, name)))
+                found.append(self._ask(name))
             except ClientError:
                 # All servers are asked next, and those that do not answer are reported then.
                 continue
@@ -204,7 +239,7 @@ class Graph:
     def _name(self) -> str:
         if self._server:
             return self._server
-        there = listing.server_names(self.session)
+        there = self._names()
         if len(there) == 1:
             return there[0]
         if not there:
@@ -214,8 +249,10 @@ class Graph:
             "or use full names"
         )
 
-    def _known(self, kind: str, name: str, offered: dict[str, Any], silent: tuple[str, ...] = ()) -> Any:
+    def _known(
+        self, kind: str, name: str, offered: dict[str, Any], silent: tuple[str, ...] = (), hint: str = ""
+    ) -> Any:
         full = self.resolve(name)
         if full not in offered:
-            raise UnknownNameError(kind, full, offered, silent)
+            raise UnknownNameError(kind, full, offered, silent, hint)
         return offered[full]

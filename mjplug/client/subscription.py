@@ -32,12 +32,12 @@ class Subscription(Generic[M]):
         for clock in client.subscribe("/clock"):
             ...
 
-    Zenoh's thread only puts payloads into a queue; they are decoded by whoever takes them out. Who is slower than the
-    topic loses the oldest ones.
+    Zenoh's thread only puts payloads into a queue; they are decoded by whoever takes them out. If the
+    reader is slower than the topic, the oldest ones are dropped.
 
     Attributes:
         name: The topic's full name.
-        type: The class of its messages; `dict` for nested dictionaries.
+        type: The class of its messages; `dict` for nested dictionaries, `bytes` for CDR as it comes.
         dropped: How many messages fell out of the queue unread.
 
     Args:
@@ -186,6 +186,8 @@ class Subscription(Generic[M]):
 
 
 def _decoder(type: Any) -> Callable[[zenoh.Sample], Any]:
+    if type is bytes:
+        return lambda sample: sample.payload.to_bytes()
     if type is dict:
         return lambda sample: json.loads(sample.payload.to_bytes())
     decoder = Decoder(type, Limits(_LARGEST, _LARGEST))

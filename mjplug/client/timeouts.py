@@ -1,20 +1,11 @@
-"""Timeouts of the client, and how Zenoh hands over replies."""
+"""Timeouts of the client."""
 
 import threading
-
-import zenoh
 
 from mjplug.client.errors import ClientError
 
 _LONGEST = threading.TIMEOUT_MAX / 2
 """What locks, and Zenoh, can wait for at most, with room for a margin [s]."""
-
-AT_ONCE = zenoh.ConsolidationMode.NONE
-"""Hands over each reply to a query when it comes.
-
-By default, Zenoh keeps replies back until every program with a queryable that matches the key has answered, or until
-the timeout: one program that never answers would make everybody wait.
-"""
 
 
 def bounded(timeout: float) -> float:

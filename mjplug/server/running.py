@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 import mujoco
 
 from mjplug.client import Client
-from mjplug.client.connection import open_client
+from mjplug.client.connection import Timeouts, open_client
 from mjplug.errors import MjplugError
 from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.log_scope import LogScope
@@ -185,7 +185,7 @@ class RunningServer:
         Raises:
             NoServerError: The server has stopped, or does not let the client in.
         """
-        client = open_client(self.endpoint, self.name, timeout, config, self._client_class())
+        client = open_client(self.endpoint, self.name, Timeouts(timeout, timeout), config, self._client_class())
         self._clients.append(client)
         return client
 

@@ -35,9 +35,6 @@ That is 1024 objects and 4096 fields by default. Objects are counted by `{` and 
 MAX_TYPE_NAME = 255
 """The longest type name that Zenoh's encoding can carry [bytes]."""
 
-MAX_KEY = 65535
-"""The longest key that Zenoh can send [bytes]."""
-
 TEXT = zenoh.Encoding.TEXT_PLAIN
 """What error replies are: one sentence."""
 

@@ -8,13 +8,11 @@ import zenoh
 
 from mjplug.errors import WireError
 from mjplug.wire.callbacks import callback
+from mjplug.wire.discovery.format import TOKENS
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas import names
 
 _LOG = logging.getLogger(__name__)
-
-TOKENS = "@mjplug"
-"""First chunk of the tokens, `@mjplug/<namespace>/<node_name>/<Zenoh id>`: `@mjplug/**` lists all servers."""
 
 _QUERY_TIMEOUT = 2.0
 """How long to wait for tokens [s]; the answer comes within a millisecond unless the network is in trouble."""

@@ -11,8 +11,8 @@ from mjplug.errors import WireError
 from mjplug.wire import identity
 from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
+from mjplug.wire.discovery.answers import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.encoding import DEFAULT_LIMITS, Limits
-from mjplug.wire.interfaces import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.plain import PlainDialect
 from mjplug.wire.publisher import WirePublisher
 from mjplug.wire.rmw_zenoh.dialect import RmwZenohDialect

@@ -16,10 +16,10 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from mjplug.wire.identity import TOKENS
-from mjplug.wire.interfaces import Listing
+from mjplug.wire.discovery.answers import Listing
+from mjplug.wire.discovery.format import TOKENS, interfaces_key
 from mjplug_schemas.errors import NameRuleError
-from mjplug_schemas.names import key, validate_name
+from mjplug_schemas.names import validate_name
 
 READY = "@ready"
 """Last chunk of the token; a verbatim one, which `@mjplug/**` does not match."""
@@ -163,7 +163,7 @@ class SharedNamesWatch:
 
     def _compare(self, name: str) -> None:
         for reply in self._session.get(
-            f"{key(name)}/interfaces", consolidation=zenoh.ConsolidationMode.NONE, timeout=_ANSWER_TIMEOUT
+            interfaces_key(name), consolidation=zenoh.ConsolidationMode.NONE, timeout=_ANSWER_TIMEOUT
         ):
             if reply.ok is None or len(reply.ok.payload) > _MAX_ANSWER:
                 continue

@@ -165,7 +165,7 @@ def test_the_quick_check_says_that_a_server_is_healthy_and_imports_nothing_that_
     imported = {line.rpartition("|")[2].strip() for line in checked.stderr.splitlines()}
     assert "zenoh" in imported
     # Pydantic is: typer needs it.
-    assert not imported & {"mujoco", "numpy", "cv2", "yaml", "mjplug.client", "mjplug_schemas"}
+    assert not imported & {"mujoco", "numpy", "cv2", "yaml", "mjplug.client", "mjplug_schemas.message"}
 
 
 def test_the_quick_check_tells_a_server_that_is_not_there_from_one_that_hangs_or_reports_errors(
@@ -173,7 +173,7 @@ def test_the_quick_check_tells_a_server_that_is_not_there_from_one_that_hangs_or
 ):
     nobody = run("doctor", "--quick", "-e", "tcp/127.0.0.1:9", cwd=tmp_path)
     assert nobody.returncode == 5
-    assert nobody.stderr.startswith("error: no mjplug server at tcp/127.0.0.1:9; ")
+    assert nobody.stderr.startswith("error: connection refused by tcp/127.0.0.1:9: ")
     server = serve(
         "scene.xml", "--plugin", "faulty:Unwell:culprit", "--plugin", "hanging:Serving:hanging", "--paused",
         cwd=WORLD,

@@ -1,6 +1,7 @@
 """Getting onto a network, or hearing why not."""
 
 import json
+import signal
 import socket
 import subprocess
 import sys
@@ -9,8 +10,10 @@ import time
 import pytest
 import zenoh
 from cli.process import Served, environment
+from slow_listener import SlowListener
 
 from mjplug.client import ClientError, NoServerError, TimedOutError, UnknownNameError, connect
+from mjplug.wire.discovery import questions
 from mjplug.wire.endpoints import on_free_port
 from mjplug_schemas.rosgraph_msgs import Clock
 
@@ -40,8 +43,9 @@ def test_nobody_there_is_one_sentence_with_the_way_out(closed_port):
     with pytest.raises(NoServerError) as error:
         connect(endpoint, timeout=0.0)
     assert str(error.value) == (
-        f"no mjplug server at {endpoint}; start one (mjplug serve bundled:box --listen {endpoint}), or give the "
-        "endpoint that its `ready` line shows (--connect, MJPLUG_CONNECT, or connect(endpoint))"
+        f"connection refused by {endpoint}: no mjplug server listens there; start one (mjplug serve bundled:box "
+        f"--listen {endpoint}), or give the endpoint that its `ready` line shows "
+        "(--connect, MJPLUG_CONNECT, or connect(endpoint))"
     )
 
 
@@ -50,6 +54,44 @@ def test_waiting_for_a_server_ends_when_the_time_is_over(closed_port):
     with pytest.raises(NoServerError):
         connect(f"tcp/127.0.0.1:{closed_port}", timeout=0.3)
     assert 0.3 <= time.monotonic() - began < 5.0
+
+
+def test_a_program_that_accepts_connections_and_never_answers_is_not_called_a_refusal():
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        endpoint = f"tcp/127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(NoServerError) as error:
+            connect(endpoint, timeout=0.0)
+    assert str(error.value) == (
+        f"{endpoint} did not answer within 1 s, but accepts connections: its server is stopped or overloaded, "
+        "or another program has the port (mjplug doctor)"
+    )
+
+
+def test_a_host_that_does_not_exist_is_named():
+    with pytest.raises(NoServerError, match=r"cannot connect to tcp/no\.such\.host\.invalid:7447: "):
+        connect("tcp/no.such.host.invalid:7447", timeout=0.0)
+
+
+def test_a_server_that_needs_longer_for_each_handshake_is_reached(server):
+    with SlowListener(server.endpoint, delay=1.5) as listener, connect(listener.endpoint, timeout=ENDS) as client:
+        assert client.nodes() == ["/mjplug"]
+        assert listener.connections > 1
+
+
+def test_a_server_that_stops_answering_is_not_a_network_without_topics(tmp_path, monkeypatch):
+    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 0.3)
+    server = Served("bundled:box", "--paused", cwd=tmp_path)
+    try:
+        with connect(server.endpoint) as client:
+            assert client.topic("/clock").publishers == ("/mjplug",)
+            server.process.send_signal(signal.SIGSTOP)
+            # A signal takes a moment to stop every thread.
+            with pytest.raises(NoServerError, match=r"Zenoh did not answer within 0\.6 s at tcp/\S+: its server is"):
+                all(client.topic("/clock") for _ in range(1000))
+            server.process.send_signal(signal.SIGCONT)
+            assert client.topic("/clock").publishers == ("/mjplug",)
+    finally:
+        server.kill()
 
 
 def test_what_is_no_endpoint_is_shown_how_to_write_one():
@@ -166,7 +208,7 @@ def test_a_password_comes_from_a_zenoh_configuration_file(tmp_path):
     (tmp_path / "client.json5").write_text(json.dumps({"transport": {"auth": {"usrpwd": login}}}))
     server = Served("bundled:box", "--set", "zenoh.config=server.json5", cwd=tmp_path)
     try:
-        with pytest.raises(NoServerError):
+        with pytest.raises(NoServerError, match=r"accepts connections, but not this client: it may need a certificate"):
             connect(server.endpoint, timeout=0.0)
         with connect(server.endpoint, config=tmp_path / "client.json5") as client:
             assert client.nodes() == ["/mjplug"]

@@ -9,8 +9,10 @@ import pytest
 import zenoh
 from wire.conftest import client_config
 
-from mjplug.client import ClientError, UnknownNameError, confirmation, connect, listing
+from mjplug.client import UnknownNameError, confirmation, connect
 from mjplug.contracts.transport import DEFAULT, LATCHED, ServiceName, Topic
+from mjplug.wire.discovery import questions
+from mjplug.wire.discovery.format import UnreadableListError, read
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.std_msgs import Float64, String
@@ -52,10 +54,12 @@ class Asked:
 
     def __init__(self, monkeypatch):
         self.names = []
-        ask = listing.ask
-        monkeypatch.setattr(listing, "ask", lambda session, name, *rest: self.names.append(name) or ask(session, name))
-        everyone = listing.ask_all
-        monkeypatch.setattr(listing, "ask_all", lambda session: self.names.append("all") or everyone(session))
+        ask = questions.ask
+        monkeypatch.setattr(
+            questions, "ask", lambda session, name, *rest: self.names.append(name) or ask(session, name)
+        )
+        everyone = questions.ask_all
+        monkeypatch.setattr(questions, "ask_all", lambda session: self.names.append("all") or everyone(session))
 
 
 def test_all_servers_are_asked_with_one_query(client, monkeypatch):
@@ -85,7 +89,7 @@ def test_a_name_that_the_nearest_server_does_not_have_is_asked_of_all(client, ne
 
 
 def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 0.5)
+    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 0.5)
     kept = []
     hung = stranger.declare_queryable("hung/mjplug/interfaces", kept.append)
     token = stranger.liveliness().declare_token("@mjplug/hung/mjplug/1")
@@ -108,7 +112,7 @@ def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client
 
 
 def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 1.0)
+    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 1.0)
     told = {"name": "/slow/mjplug", "version": "1", "endpoint": "", "topics": [], "services": []}
     asked = []
 
@@ -134,8 +138,8 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
 
 @pytest.mark.timeout(40)
 def test_a_program_that_matches_every_key_and_never_answers_holds_nobody_up(client, networks, stranger, monkeypatch):
-    monkeypatch.setattr(listing, "QUERY_TIMEOUT", 80.0)
-    monkeypatch.setattr(listing, "_RETRY", 80.0)
+    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 80.0)
+    monkeypatch.setattr(questions, "_RETRY", 80.0)
     monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)
     networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))
     unanswered = []
@@ -176,6 +180,6 @@ def test_a_token_with_a_name_that_ros_does_not_allow_is_no_server(client, strang
 )
 def test_a_list_that_cannot_be_trusted_is_refused(change):
     told = {"name": "/x", "version": "1", "endpoint": "", "topics": [], "services": []}
-    assert listing.read("/x", json.dumps(told).encode()).name == "/x"
-    with pytest.raises(ClientError, match="server /x does not tell what it offers in a form that can be read"):
-        listing.read("/x", json.dumps(told | change).encode())
+    assert read("/x", json.dumps(told).encode()).name == "/x"
+    with pytest.raises(UnreadableListError, match="server /x does not tell what it offers in a form that can be read"):
+        read("/x", json.dumps(told | change).encode())

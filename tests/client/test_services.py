@@ -46,7 +46,7 @@ def test_a_service_is_called_with_fields_a_message_or_a_dictionary(client):
 def test_a_request_that_is_refused_raises_with_the_reason_and_the_response(client):
     with pytest.raises(RequestRefused, match=r"^/mjplug/step_simulation refused: the simulation is running") as refused:
         client.call("~/step_simulation", steps=1)
-    assert refused.value.reason.endswith("pause it first (set_pause)")
+    assert refused.value.reason.endswith("pause it first (~/set_pause, or mjplug sim pause)")
     assert refused.value.response == StepSimulation.Response(success=False, message=refused.value.reason)
     assert client.call("~/step_simulation", check=False, steps=1) == refused.value.response
 

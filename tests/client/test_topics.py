@@ -57,6 +57,29 @@ def test_a_latched_topic_gives_its_last_message_at_once(client):
     assert client.subscribe("~/epoch", UInt64).next(PATIENCE) == UInt64(data=before.data + 1)
 
 
+def test_how_much_of_the_past_a_subscription_asks_for_can_be_chosen(client):
+    assert client.subscribe("~/epoch", history=1).next(PATIENCE) is not None
+    with pytest.raises(TimedOutError):
+        client.subscribe("~/epoch", history=0).next(0.3)
+
+
+def test_messages_are_had_as_they_come(client):
+    raw = client.subscribe("~/epoch", bytes).next(PATIENCE)
+    assert type(raw) is bytes
+    assert UInt64.from_cdr(raw) == client.subscribe("~/epoch").next(PATIENCE)
+    with pytest.raises(WrongTypeError, match="is no message type"):
+        client.publisher("/cmd_vel", bytes)
+
+
+def test_a_topic_that_no_server_has_needs_its_type(client):
+    for attempt in (client.publisher, client.subscribe):
+        with pytest.raises(
+            UnknownNameError, match=r"unknown topic '/foo'; .*; if the name is right, give its type, such"
+        ):
+            attempt("/foo")
+    assert client.publisher("/foo", "geometry_msgs/msg/Twist").type is Twist
+
+
 def test_latest_is_the_newest_message_however_many_have_come(client):
     with client.subscribe("/clock", depth=1) as clock:
         assert clock.latest(PATIENCE) is not None

@@ -44,7 +44,7 @@ def test_a_client_connects_to_the_endpoint_in_its_file(tmp_path):
     KeyFolder.create(tmp_path / "keys", ["localhost"], port=1)
     ran = run("topic", "list", "--zenoh-config", "keys/operator.json5", cwd=tmp_path)
     assert ran.returncode == 5
-    assert "no mjplug server at tls/localhost:1;" in ran.stderr
+    assert "connection refused by tls/localhost:1: no mjplug server listens there;" in ran.stderr
 
 
 def test_show_tells_who_has_a_certificate(tmp_path):

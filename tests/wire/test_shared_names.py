@@ -7,7 +7,7 @@ import queue
 import pytest
 
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
-from mjplug.wire.interfaces import Listing, ServiceEntry, TopicEntry
+from mjplug.wire.discovery.answers import Listing, ServiceEntry, TopicEntry
 from mjplug.wire.shared_names import TRANSFORMS, SharedNames, shared_names
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 from mjplug_schemas.geometry_msgs import Twist

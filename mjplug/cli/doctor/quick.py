@@ -39,16 +39,17 @@ def check_quickly(endpoint: str | None, server: str, zenoh_config: str | None, t
     """
     import zenoh
 
-    from mjplug.cli.light_session import announced, light_session
+    from mjplug.cli.light_session import light_session
+    from mjplug.wire.discovery.questions import NoAnswerError, server_names
 
     try:
         with light_session(endpoint, zenoh_config) as session:
-            names = [name for name in announced(session) if server.removeprefix("/") in ("", name[1:])]
+            names = [name for name in server_names(session) if server.removeprefix("/") in ("", name[1:])]
             if len(names) == 1:
                 _ask(session, names[0], timeout)
                 return
-    except (zenoh.ZError, OSError):
-        # Nobody is there, or the file cannot be used.
+    except (zenoh.ZError, OSError, NoAnswerError):
+        # No server answers, or the file cannot be used.
         pass
     # The client says what is wrong, and takes its time.
     with client(endpoint, server, zenoh_config) as connected:

@@ -22,9 +22,9 @@ from zenoh.handlers import Callback
 
 from mjplug.cli.doctor.network import listens
 from mjplug.client import Client, ClientError, NoServerError, connect
-from mjplug.client.listing import ServerInfo
 from mjplug.security.expiry import day, expiry_of
 from mjplug.wire.access import READ_ONLY, READ_ONLY_NAMES
+from mjplug.wire.discovery.format import ServerInfo
 from mjplug.wire.handshake import ENCRYPTED, server_certificate
 from mjplug.wire.zenoh_file import certificate, embedded, own_settings, read_zenoh_file, setting
 from mjplug_schemas import names

@@ -18,8 +18,9 @@ import zenoh
 
 from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.callbacks import callback
+from mjplug.wire.discovery.format import interfaces_key
 from mjplug.wire.encoding import TEXT
-from mjplug.wire.plain import key_of, parameters
+from mjplug.wire.plain import parameters
 from mjplug_schemas.definition import definition
 from mjplug_schemas.message import Message
 from mjplug_schemas.rihs01 import type_hash
@@ -119,7 +120,7 @@ class InterfacesQueryable:
     def __init__(self, session: zenoh.Session, listing: Listing, refresh: Callable[[str], bool]) -> None:
         self._refresh = refresh
         self._listing = listing
-        self._key = key_of(f"{listing.name}/interfaces")
+        self._key = interfaces_key(listing.name)
         self._news = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
         self._queryable = session.declare_queryable(self._key, callback(self._answer))
 

@@ -1,36 +1,41 @@
-"""What servers offer, as their `interfaces` queryables tell it."""
+"""The list of interfaces that a server offers: its JSON form, and what a reader makes of it.
+
+`answers` writes it, `questions` asks for it. Any program can answer, so a reader checks every name, type and key.
+"""
 
 import json
 import re
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
-import zenoh
-
-from mjplug.client.errors import ClientError, NoServerError
-from mjplug.client.timeouts import AT_ONCE
-from mjplug.errors import quoted
-from mjplug.wire.encoding import MAX_KEY
-from mjplug.wire.identity import TOKENS
+from mjplug.errors import MjplugError, quoted
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import key, validate_name
 
-QUERY_TIMEOUT = 2.0
-"""How long to wait for a server's list [s]; it takes a millisecond, and a slow network somewhat longer."""
+TOKENS = "@mjplug"
+"""First chunk of liveliness tokens, `@mjplug/<namespace>/<node_name>/<Zenoh id>`: `@mjplug/**` lists all servers."""
 
-_ATTEMPTS = 2
-"""How often servers that are announced are asked before they are reported as not answering."""
+INTERFACES = "interfaces"
+"""Last chunk of the key on which a server answers with its list: `<namespace>/<node_name>/interfaces`."""
 
-_RETRY = 0.1
-"""Pause between two attempts [s]."""
-
-_MOST_ASKED = 200
-"""How many servers are asked one by one at most; any program can announce any number of them."""
+LONGEST_KEY = 65535
+"""The longest key that Zenoh can send [bytes]; a longer one makes it panic."""
 
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
+
+
+class UnreadableListError(MjplugError):
+    """An answer that is no list of interfaces."""
+
+
+def interfaces_key(name: str) -> str:
+    """Returns the key on which a server answers with its list of interfaces.
+
+    Args:
+        name: The server's full name.
+    """
+    return f"{key(name)}/{INTERFACES}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,88 +110,6 @@ class ServerInfo:
     services: dict[str, ServiceInfo]
 
 
-def server_names(session: zenoh.Session, timeout: float = QUERY_TIMEOUT) -> tuple[str, ...]:
-    """Returns the full names of all servers on the network, in alphabetical order."""
-    names = set()
-    for reply in session.liveliness().get(f"{TOKENS}/**", timeout=timeout):
-        if reply.ok is not None:
-            # @mjplug/<namespace>/<node name>/<Zenoh id>
-            name = "/" + "/".join(str(reply.ok.key_expr).split("/")[1:-1])
-            try:
-                validate_name(name)
-            except NameRuleError:
-                # No server can have this name; any program can declare such a token.
-                continue
-            names.add(name)
-    return tuple(sorted(names))
-
-
-def ask_all(session: zenoh.Session) -> tuple[dict[str, ServerInfo], dict[str, str]]:
-    """Asks all servers of the network at once what they offer.
-
-    Returns:
-        What servers offer, by name, and why others that are announced are missing, by name. A server that has stopped
-        meanwhile is in neither.
-    """
-    found: dict[str, ServerInfo] = {}
-    failed: dict[str, str] = {}
-    announced = set(server_names(session))
-    for attempt in range(_ATTEMPTS):
-        if announced <= found.keys():
-            break
-        if attempt:
-            time.sleep(_RETRY)
-            announced &= set(server_names(session))
-        began = time.monotonic()
-        # Again, each by its own key: access control may permit that, but not the wildcard.
-        missing = sorted(announced - found.keys())[:_MOST_ASKED]
-        selectors = [f"{key(name)}/interfaces" for name in missing] if attempt else ["**/interfaces"]
-        queries = [
-            session.get(s, target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=QUERY_TIMEOUT)
-            for s in selectors
-        ]
-        for reply in chain.from_iterable(queries):
-            if reply.ok is None:
-                # Services of ROS 2 nodes match the wildcard too, and refuse.
-                continue
-            name = "/" + str(reply.ok.key_expr).removesuffix("/interfaces")
-            if name in announced and name not in found:
-                try:
-                    found[name] = read(name, reply.ok.payload.to_bytes())
-                except ClientError as error:
-                    failed[name] = str(error)
-            if announced <= found.keys():
-                # A program that is no server may match the key too, and never answer.
-                break
-        waited = time.monotonic() - began
-        for name in announced - found.keys():
-            failed.setdefault(name, f"server {name} is announced but did not answer within {max(waited, 0.01):.2g} s")
-    # A router asks everybody whom it knows at once.
-    present = {name: found[name] for name in sorted(found)}
-    return present, {name: why for name, why in sorted(failed.items()) if name in announced and name not in found}
-
-
-def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, Any]:
-    """Returns a server's own words about what it offers.
-
-    Args:
-        session: A session on its network.
-        name: The server's full name.
-        schema: Whether the definition and JSON Schema of each type should be there, under `types`.
-
-    Raises:
-        NoServerError: It does not answer.
-        ClientError: What it answers is no list of interfaces.
-    """
-    selector = f"{key(name)}/interfaces{'?schema=true' if schema else ''}"
-    for reply in session.get(selector, consolidation=AT_ONCE, timeout=QUERY_TIMEOUT):
-        if reply.ok is not None:
-            return _told(name, reply.ok.payload.to_bytes())
-        assert reply.err is not None
-        raise ClientError(f"server {name} cannot tell what it offers: {reply.err.payload.to_string()}")
-    raise NoServerError(f"server {name} does not answer; it may just have stopped")
-
-
 def read(name: str, answer: bytes) -> ServerInfo:
     """Returns what a server offers.
 
@@ -195,12 +118,12 @@ def read(name: str, answer: bytes) -> ServerInfo:
         answer: What it answered, as JSON text.
 
     Raises:
-        ClientError: This is no list of interfaces of the server.
+        UnreadableListError: This is no list of interfaces of the server.
     """
-    return parse(_told(name, answer))
+    return parse(checked(name, answer))
 
 
-def _told(name: str, answer: bytes) -> dict[str, Any]:
+def checked(name: str, answer: bytes) -> dict[str, Any]:
     """Returns an answer, checked: any program can answer, and names and types are printed and used as keys."""
     try:
         told: dict[str, Any] = json.loads(answer)
@@ -211,12 +134,14 @@ def _told(name: str, answer: bytes) -> dict[str, Any]:
             if not _TYPE.fullmatch(entry["type"]):
                 raise ValueError(f"{quoted(entry['type'])} is not the name of a type")
             for field in ("key", "json_key"):
-                if len(entry.get(field, "").encode()) > MAX_KEY:
+                if len(entry.get(field, "").encode()) > LONGEST_KEY:
                     # Zenoh would panic when a request is sent to it.
-                    raise ValueError(f"the key {quoted(entry[field])} is longer than {MAX_KEY} bytes")
+                    raise ValueError(f"the key {quoted(entry[field])} is longer than {LONGEST_KEY} bytes")
         parse(told)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, NameRuleError) as error:
-        raise ClientError(f"server {name} does not tell what it offers in a form that can be read: {error!r}") from None
+        raise UnreadableListError(
+            f"server {name} does not tell what it offers in a form that can be read: {error!r}"
+        ) from None
     return told
 
 
