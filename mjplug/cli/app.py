@@ -15,7 +15,9 @@ from mjplug.cli.examples import examples
 from mjplug.cli.interface import app as interface_app
 from mjplug.cli.keys import app as keys_app
 from mjplug.cli.model import app as model_app
+from mjplug.cli.node import app as node_app
 from mjplug.cli.output import complain, complain_of
+from mjplug.cli.param import app as param_app
 from mjplug.cli.plugin import app as plugin_app
 from mjplug.cli.router import router
 from mjplug.cli.serve import serve
@@ -55,7 +57,9 @@ app.command(
         "mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)",
     )
 )(serve)
-for group in (topic_app, service_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app):
+for group in (
+    topic_app, service_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app,
+):  # fmt: skip
     app.add_typer(group)
 app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
 app.command(

@@ -7,14 +7,25 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.examples import examples
+from mjplug.cli.names import complete_model
 from mjplug.cli.output import complain, complain_of, say
 
 app = typer.Typer(name="config", help="Checks, shows and begins configuration files.", no_args_is_help=True)
 
 Config = Annotated[
-    str, typer.Argument(metavar="CONFIG", help="A configuration file, a ROS parameter file, or a model.")
+    str,
+    typer.Argument(
+        metavar="CONFIG",
+        help="A configuration file, a ROS parameter file, or a model.",
+        autocompletion=complete_model,
+    ),
 ]
-Model = Annotated[str | None, typer.Option("--model", metavar="MODEL", help="The model, in place of the one in it.")]
+Model = Annotated[
+    str | None,
+    typer.Option(
+        "--model", metavar="MODEL", help="The model, in place of the one in it.", autocompletion=complete_model
+    ),
+]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, as for serve. Repeatable.")
 ]
@@ -66,7 +77,7 @@ def schema(output: Output = None) -> None:
 
 @app.command(epilog=examples("mjplug config init scene.xml -o robot.yaml"))
 def init(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="The model to serve.")],
+    model: Annotated[str, typer.Argument(metavar="MODEL", help="The model to serve.", autocompletion=complete_model)],
     output: Output = None,
 ) -> None:
     """Writes a file to begin with: every setting with its meaning, and plugins that fit the model."""

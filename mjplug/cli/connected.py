@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mjplug.cli.interrupt import exit_on_interrupt
+from mjplug.cli.names import complete_node
+
 if TYPE_CHECKING:
     from mjplug.client import Client
 
@@ -24,11 +27,23 @@ _SHARED = {
         ],
         None,
     ),
+    "wait": (
+        Annotated[
+            float,
+            typer.Option(
+                "--wait", min=0.0, metavar="SECONDS", help="How long to wait for a server that is not there yet."
+            ),
+        ],
+        0.0,
+    ),
     "server": (
         Annotated[
             str,
             typer.Option(
-                "--server", metavar="NAME", help="What `~` stands for where several servers are: /robot1/mjplug."
+                "--server",
+                metavar="NAME",
+                help="Server to use for `~` when several are running: /robot1/mjplug.",
+                autocompletion=complete_node,
             ),
         ],
         "",
@@ -49,8 +64,8 @@ def connected(function: Callable[..., None]) -> Callable[..., None]:
     """Makes a command of a function whose first argument is a client: adds the options for it, and closes it."""
 
     @functools.wraps(function)
-    def command(*, connect: str | None, server: str, zenoh_config: str | None, **rest: Any) -> None:
-        with client(connect, server, zenoh_config) as found:
+    def command(*, connect: str | None, wait: float, server: str, zenoh_config: str | None, **rest: Any) -> None:
+        with client(connect, server, zenoh_config, wait) as found:
             function(found, **rest)
 
     own = list(inspect.signature(function).parameters.values())[1:]
@@ -66,12 +81,23 @@ def connected(function: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
-def client(endpoint: str | None, server: str = "", config: str | None = None) -> "Client":
-    """Returns a client, or raises at once if nobody is there.
+_SLOW = 5.0
+"""How long to wait for a server that accepts connections and does not answer [s], as on a busy machine."""
+
+
+def client(endpoint: str | None, server: str = "", config: str | None = None, wait: float = 0.0) -> "Client":
+    """Returns a client.
+
+    Args:
+        endpoint: Where the server listens.
+        server: Its name, where several are on the network.
+        config: A Zenoh configuration file.
+        wait: How long to wait for a server that is not there [s]; with 0, that is reported at once.
 
     Raises:
-        NoServerError: Nobody is there.
+        NoServerError: No server is there, or it does not answer.
     """
-    from mjplug.client import connect
+    with exit_on_interrupt():
+        from mjplug.client.connection import Timeouts, open_client
 
-    return connect(endpoint, server=server, timeout=0.0, config=config)
+    return open_client(endpoint, server, Timeouts(wait, max(wait, _SLOW)), config)

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
+from mjplug.cli.interrupt import exit_on_interrupt
+
 _BACKEND = "MUJOCO_GL"
 _BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
@@ -28,7 +30,7 @@ def import_mujoco() -> None:
     backend = os.environ.get(_BACKEND)
     os.environ[_BACKEND] = "disable"
     try:
-        with quick_imports():
+        with exit_on_interrupt(), quick_imports():
             import mujoco
     finally:
         if backend is None:

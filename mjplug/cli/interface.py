@@ -1,5 +1,6 @@
 """`mjplug interface`: the messages and services that mjplug knows."""
 
+import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -32,12 +33,54 @@ def list_types(
             say(name)
 
 
-@app.command(epilog=examples("mjplug interface show geometry_msgs/msg/Twist"))
-def show(type: TypeName) -> None:
-    """Shows the definition of a type, as ROS has it in its .msg and .srv files."""
-    from mjplug_schemas.definition import definition
+@app.command(
+    epilog=examples(
+        "mjplug interface show geometry_msgs/msg/Twist", "mjplug topic type /clock | mjplug interface show -"
+    )
+)
+def show(
+    type: Annotated[
+        str,
+        typer.Argument(
+            metavar="TYPE",
+            help="Such as std_msgs/msg/String; - reads it from standard input.",
+            autocompletion=complete_type,
+        ),
+    ],
+    all_comments: Annotated[
+        bool, typer.Option("--all-comments", help="Show the comments of types inside it, too.")
+    ] = False,
+    no_comments: Annotated[bool, typer.Option("--no-comments", help="Show no comments and no empty lines.")] = False,
+) -> None:
+    """Shows the definition of a type, as ROS has it in its .msg and .srv files, with the types inside it."""
+    from mjplug.cli.interface_text import definition_lines
 
-    say(definition(_find(type)).rstrip("\n"))
+    if all_comments and no_comments:
+        raise typer.BadParameter("it excludes --no-comments", param_hint="--all-comments")
+    name = sys.stdin.readline().strip() if type == "-" else type
+    for line in definition_lines(_find(name), comments=not no_comments, inner_comments=all_comments):
+        say(line)
+
+
+@app.command(
+    epilog=examples(
+        "mjplug interface proto geometry_msgs/msg/Twist",
+        'mjplug topic pub --once /cmd_vel "$(mjplug interface proto geometry_msgs/msg/Twist --no-quotes)"',
+    )
+)
+def proto(
+    type: TypeName,
+    no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Leave out the quotes around it.")] = False,
+) -> None:
+    """Shows a message of a type with its initial values, or a request, for `topic pub` and `service call`."""
+    from mjplug.cli.render import Rendering
+    from mjplug_schemas.message import Message
+
+    found = _find(type)
+    message = found() if issubclass(found, Message) else found.Request()
+    text = Rendering().text(message)
+    # The last line break as ros2 has it: the quotes go around the whole document.
+    say(text if no_quotes else f'"{text}\n"')
 
 
 @app.command("hash")

@@ -6,6 +6,7 @@ import typer
 
 from mjplug.cli.engine import import_mujoco
 from mjplug.cli.examples import examples
+from mjplug.cli.names import complete_model
 from mjplug.cli.output import say, say_json, say_table
 
 app = typer.Typer(name="model", help="Shows what is in a model.", no_args_is_help=True)
@@ -13,7 +14,14 @@ app = typer.Typer(name="model", help="Shows what is in a model.", no_args_is_hel
 
 @app.command(epilog=examples("mjplug model info bundled:quadruped", "mjplug model info scene.xml joints"))
 def info(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="A model: .xml .mjb .urdf bundled:NAME package://...")],
+    model: Annotated[
+        str,
+        typer.Argument(
+            metavar="MODEL",
+            help="A model: .xml .mjb .urdf bundled:NAME package://...",
+            autocompletion=complete_model,
+        ),
+    ],
     kind: Annotated[
         str | None,
         typer.Argument(

@@ -1,8 +1,13 @@
 """Names that the TAB key completes."""
 
+from pathlib import Path
+
 import typer
 
-from mjplug.cli.live_names import live_names
+from mjplug.cli.quick_completion import live_names, node_names, typed_words
+
+_CONFIGS = (".yaml", ".yml")
+"""What the name of a configuration file ends with."""
 
 
 def complete_topic(context: typer.Context, incomplete: str) -> list[str]:
@@ -15,6 +20,11 @@ def complete_service(context: typer.Context, incomplete: str) -> list[str]:
     return live_names("services", incomplete, context.params.get("connect"))
 
 
+def complete_node(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the servers whose names begin so."""
+    return node_names(incomplete, context.params.get("connect"))
+
+
 def complete_type(incomplete: str) -> list[str]:
     """Returns the ROS types that begin so."""
     from mjplug_schemas.registry import all_types
@@ -22,8 +32,95 @@ def complete_type(incomplete: str) -> list[str]:
     return [name for name in all_types() if name.startswith(incomplete)]
 
 
+def complete_message_type(incomplete: str) -> list[str]:
+    """Returns the message types that begin so."""
+    return [name for name in complete_type(incomplete) if "/msg/" in name]
+
+
+def complete_service_type(incomplete: str) -> list[str]:
+    """Returns the service types that begin so."""
+    return [name for name in complete_type(incomplete) if "/srv/" in name]
+
+
 def complete_plugin(incomplete: str) -> list[str]:
     """Returns the plugin types that begin so."""
     from importlib.metadata import entry_points
 
     return [point.name for point in entry_points(group="mjplug.plugins") if point.name.startswith(incomplete)]
+
+
+def complete_model(incomplete: str) -> list[str]:
+    """Returns the bundled models that begin so, and files and folders beside them.
+
+    Nothing at all where no bundled model begins so: the shell completes file names then.
+    """
+    from mjplug.model.location import BUNDLED, bundled_models
+
+    bundled = [name for model in bundled_models() if (name := f"{BUNDLED}{model}").startswith(incomplete)]
+    if not bundled or not incomplete:
+        return []
+    return [*bundled, *sorted(path.name for path in Path().iterdir() if path.name.startswith(incomplete))]
+
+
+def complete_keyframe(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the keyframes that begin so of the model before it on the command line."""
+    from mjplug.model.location import BUNDLED, PACKAGE, SUFFIXES
+
+    # While the value of an option is missing, click does not tell the arguments before it.
+    words = typed_words() or []
+    models = [word for word in words if word.startswith((BUNDLED, PACKAGE)) or word.endswith((*SUFFIXES, *_CONFIGS))]
+    model = context.params.get("model") or next(iter(models), None)
+    return _keyframes(model, incomplete) if isinstance(model, str) else []
+
+
+def complete_keyframe_of_server(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the keyframes that begin so of the model that a server runs, if its file is found here."""
+    from mjplug.client import ClientError, connect
+    from mjplug.client.parameters import read
+
+    try:
+        chosen = context.params.get("connect")
+        with connect(chosen, server=context.params.get("server") or "", timeout=0.0) as client:
+            model = read(client.session, client.server.name).get("model")
+    except ClientError:
+        # Nothing may come between a user and the prompt.
+        return []
+    return _keyframes(model, incomplete) if isinstance(model, str) else []
+
+
+def _keyframes(model: str, begin: str) -> list[str]:
+    """Returns the names of keyframes that begin so; of a configuration file, those of its model."""
+    from mjplug.cli.engine import import_mujoco
+
+    import_mujoco()
+    import mujoco
+
+    from mjplug.config.document import read_document
+    from mjplug.errors import MjplugError
+    from mjplug.model.location import locate
+
+    try:
+        folder = Path()
+        if model.endswith(_CONFIGS):
+            tree = read_document(Path(model)).value
+            model, folder = str(tree.get("model") if isinstance(tree, dict) else ""), Path(model).parent
+        names = [key.name for key in mujoco.MjSpec.from_file(str(locate(model, (folder,)))).keys]
+    except (MjplugError, ValueError, OSError):
+        return []
+    # A shell evaluates what it completes with.
+    return sorted(name for name in names if name.startswith(begin) and name.replace("_", "").isalnum())
+
+
+def complete_parameter(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the parameters that begin so of the server before it on the command line."""
+    from mjplug.cli.server_name import server_name
+    from mjplug.client import ClientError, connect
+    from mjplug.client.parameters import names_of
+
+    try:
+        with connect(context.params.get("connect"), server=context.params.get("server") or "", timeout=0.0) as client:
+            names = names_of(client, server_name(client, context.params.get("node") or "~"))
+    except ClientError:
+        # Nothing may come between a user and the prompt.
+        return []
+    return [name for name in names if name.startswith(incomplete) and name.replace("_", "").replace(".", "").isalnum()]

@@ -56,9 +56,14 @@ class Rendering:
         )
         return str(text).rstrip("\n")
 
-    def heading(self, value: Any) -> str:
-        """Returns the names of the columns that `text` makes of a value as CSV."""
-        return _row(name or "value" for name, _ in _leaves("", self._plain(value, 0)))
+    def heading(self, value: Any, name: str = "") -> str:
+        """Returns the names of the columns that `text` makes of a value as CSV.
+
+        Args:
+            value: The value.
+            name: What it is a part of a message: `ranges` gives `ranges[0],ranges[1]`.
+        """
+        return _row(leaf or "value" for leaf, _ in _leaves(name, self._plain(value, 0)))
 
     def _plain(self, value: Any, most: int) -> Any:
         if isinstance(value, Message):

@@ -31,7 +31,9 @@ def router(
         Path | None,
         typer.Option("--zenoh-config", metavar="FILE", help="A Zenoh configuration file: TLS, users, permissions."),
     ] = None,
-    verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Log more.")] = 0,
+    verbose: Annotated[
+        int, typer.Option("--verbose", "-v", count=True, show_default=False, help="Log more. Repeatable.")
+    ] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
 ) -> None:
     """Runs a Zenoh router until Ctrl-C or SIGTERM.

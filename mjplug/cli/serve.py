@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.engine import import_mujoco, quick_imports
+from mjplug.cli.interrupt import exit_on_interrupt
+from mjplug.cli.names import complete_keyframe, complete_model, complete_plugin
 from mjplug.cli.output import say
 from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
@@ -25,12 +27,18 @@ def serve(
         typer.Argument(
             metavar="CONFIG|MODEL",
             help="A configuration file, a ROS parameter file (with --model), or a model: .xml .mjb .urdf bundled:NAME package://...",
+            autocompletion=complete_model,
         ),
     ],
-    model: Annotated[str | None, typer.Option(help="The model, in place of the one in the file.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="The model, in place of the one in the file.", autocompletion=complete_model)
+    ] = None,
     paused: Annotated[bool, typer.Option("--paused", help="Start paused.")] = False,
     keyframe: Annotated[
-        str | None, typer.Option(help="Start from this keyframe of the model: its name or index.")
+        str | None,
+        typer.Option(
+            help="Start from this keyframe of the model: its name or index.", autocompletion=complete_keyframe
+        ),
     ] = None,
     speed: Annotated[str | None, typer.Option(metavar="FACTOR|max", help="Real-time factor, or max.")] = None,
     listen: Annotated[
@@ -42,7 +50,13 @@ def serve(
     ] = None,
     plugin: Annotated[
         list[str] | None,
-        typer.Option("--plugin", "-p", metavar="TYPE[:NAME]", help="Add a plugin with default parameters. Repeatable."),
+        typer.Option(
+            "--plugin",
+            "-p",
+            metavar="TYPE[:NAME]",
+            help="Add a plugin with default parameters. Repeatable.",
+            autocompletion=complete_plugin,
+        ),
     ] = None,
     zenoh_config: Annotated[
         str | None,
@@ -68,8 +82,10 @@ def serve(
             metavar="PATH", help="Write this file when services answer (JSON: endpoint); remove it at the end."
         ),
     ] = None,
-    verbose: Annotated[int, typer.Option("--verbose", "-v", count=True, help="Say more.")] = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what is wrong.")] = False,
+    verbose: Annotated[
+        int, typer.Option("--verbose", "-v", count=True, show_default=False, help="Log more. Repeatable.")
+    ] = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
 ) -> None:
     """Runs a model and puts it on Zenoh.
 
@@ -78,7 +94,7 @@ def serve(
     ending = QuickEnd()
     # Imported late, so that `mjplug --help` is quick.
     import_mujoco()
-    with quick_imports():
+    with exit_on_interrupt(), quick_imports():
         from mjplug.cli.exit_codes import exit_code
         from mjplug.config.load import Option, read
         from mjplug.lifecycle import serve as lifecycle

@@ -6,8 +6,8 @@ import typer
 
 from mjplug.cli.connected import connected
 from mjplug.cli.examples import examples
-from mjplug.cli.names import complete_service
-from mjplug.cli.output import say, say_json
+from mjplug.cli.names import complete_service, complete_service_type
+from mjplug.cli.output import complain, say, say_json
 
 if TYPE_CHECKING:
     from mjplug.client import Client
@@ -60,7 +60,9 @@ def info(client: "Client", service: ServiceName) -> None:
 @connected
 def find(
     client: "Client",
-    type: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.")],
+    type: Annotated[
+        str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.", autocompletion=complete_service_type)
+    ],
 ) -> None:
     """Lists the services of a type."""
     from mjplug.cli.values import full_type
@@ -85,7 +87,10 @@ def find(
 def call(
     client: "Client",
     service: ServiceName,
-    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    type: Annotated[
+        str | None,
+        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_service_type),
+    ] = None,
     values: Annotated[
         str | None,
         typer.Argument(metavar="VALUES", help="Fields as YAML: '{paused: true}'; others have initial values."),
@@ -107,6 +112,7 @@ def call(
 
     A response with `success: false` ends with exit code 7.
     """
+    from mjplug.cli.exit_codes import exit_code
     from mjplug.cli.render import Rendering
     from mjplug.cli.values import full_type, parse, split_type
     from mjplug.client import RequestRefused, WrongTypeError
@@ -119,7 +125,10 @@ def call(
     try:
         response = client.call(found.name, parse(values), timeout=timeout)
     except RequestRefused as error:
-        if error.response is not None:
-            say(rendering.text(error.response))
-        raise
+        if error.response is None:
+            raise
+        # The response has the reason.
+        say(rendering.text(error.response))
+        complain(f"error: {found.name} refused the request")
+        raise typer.Exit(exit_code(error)) from None
     say(rendering.text(response))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from mjplug.cli.connected import connected
+from mjplug.cli.names import complete_keyframe_of_server
 from mjplug.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -95,7 +96,13 @@ def step(
 def reset(
     client: "Client",
     keyframe: Annotated[
-        str, typer.Option("--keyframe", "-k", help="Reset to this keyframe of the model: its name or index.")
+        str,
+        typer.Option(
+            "--keyframe",
+            "-k",
+            help="Reset to this keyframe of the model: its name or index.",
+            autocompletion=complete_keyframe_of_server,
+        ),
     ] = "",
 ) -> None:
     """Puts the world back to where it began, or to a keyframe.

@@ -50,7 +50,7 @@ def _overview(simulation: Mapping[str, str], wire: Mapping[str, str]) -> list[Li
     rows = (
         (
             f"time {simulation.get('simulated time (s)', '?')[:-3]} s",
-            f"speed {figure('real-time factor')} of {figure('wanted speed')}",
+            f"speed {figure('real-time factor')} (set to {figure('wanted speed')})",
             f"{figure('step rate (Hz)')} steps/s",
             f"load {figure('load (%)')} %",
         ),
@@ -58,7 +58,7 @@ def _overview(simulation: Mapping[str, str], wire: Mapping[str, str]) -> list[Li
             f"step p50 {figure('step time p50 (us)')} us",
             f"p99 {figure('step time p99 (us)')} us",
             f"late p99 {figure('step lateness p99 (us)')} us",
-            f"behind {figure('times fallen behind')} x, {figure('wall time lost (s)')} s lost",
+            f"fell behind {figure('times fallen behind')} times, {figure('wall time lost (s)')} s lost",
         ),
         (
             f"resets {figure('resets')}",

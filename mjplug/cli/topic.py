@@ -6,7 +6,7 @@ import typer
 
 from mjplug.cli.connected import connected
 from mjplug.cli.examples import examples
-from mjplug.cli.names import complete_topic
+from mjplug.cli.names import complete_message_type, complete_topic
 from mjplug.cli.output import say, say_json
 from mjplug.cli.topic_echo import echo
 from mjplug.cli.topic_pub import pub
@@ -26,16 +26,24 @@ def list_topics(
     client: "Client",
     types: Annotated[bool, typer.Option("--show-types", "-t", help="Show the type of each.")] = False,
     count: Annotated[bool, typer.Option("--count-topics", "-c", help="Show only how many there are.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show types, and how many publishers and subscribers each has.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Show everything, as JSON.")] = False,
 ) -> None:
     """Lists the topics of all servers."""
     from dataclasses import asdict
+
+    from mjplug.cli.topic_info import overview
 
     topics = client.topics()
     if count:
         say(str(len(topics)))
     elif json:
         say_json([asdict(topic) for topic in topics.values()])
+    elif verbose:
+        for line in overview(topics):
+            say(line)
     else:
         for topic in topics.values():
             say(f"{topic.name} [{topic.type}]" if types else topic.name)
@@ -43,15 +51,19 @@ def list_topics(
 
 @app.command()
 @connected
-def info(client: "Client", topic: TopicName) -> None:
-    """Shows all that servers say about a topic."""
+def info(
+    client: "Client",
+    topic: TopicName,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Show nodes, keys, type hash and quality of service, too.")
+    ] = False,
+) -> None:
+    """Shows the type of a topic, and how many servers publish it and subscribe to it."""
+    from mjplug.cli.topic_info import details, summary
+
     found = client.topic(topic)
-    say(f"Type: {found.type}")
-    say(f"Published by: {', '.join(found.publishers) or 'no server'}")
-    say(f"Read by: {', '.join(found.subscribers) or 'no server'}")
-    say(f"Quality of service: {found.reliability}, {found.durability}, depth {found.depth}")
-    say(f"Key: {found.key} (JSON: {found.json_key})")
-    say(f"Type hash: {found.hash}")
+    for line in details(found, client.servers()) if verbose else summary(found):
+        say(line)
 
 
 @app.command("type")
@@ -65,7 +77,9 @@ def type_(client: "Client", topic: TopicName) -> None:
 @connected
 def find(
     client: "Client",
-    type: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_msgs/msg/String.")],
+    type: Annotated[
+        str, typer.Argument(metavar="TYPE", help="Such as std_msgs/msg/String.", autocompletion=complete_message_type)
+    ],
 ) -> None:
     """Lists the topics of a type."""
     from mjplug.cli.values import full_type
@@ -80,9 +94,13 @@ def find(
         say(name)
 
 
-app.command(epilog=examples("mjplug topic echo /clock --once", "mjplug topic echo /clock --field clock.sec -o csv"))(
-    echo
-)
+app.command(
+    epilog=examples(
+        "mjplug topic echo /clock --once",
+        "mjplug topic echo /clock --field clock.sec -o csv",
+        "mjplug topic echo /cmd_vel --filter 'm.linear.x > 0.5'",
+    )
+)(echo)
 app.command(
     epilog=examples(
         "mjplug topic pub /cmd_vel '{linear: {x: 0.5}}' -r 10",

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mjplug.cli.connected import connected
-from mjplug.cli.names import complete_topic
+from mjplug.cli.names import complete_message_type, complete_topic
 from mjplug.cli.output import Format, complain, say
+from mjplug.cli.qos import QosDepth, QosDurability, QosHistory, QosProfile, QosReliability, qos_of
 
 if TYPE_CHECKING:
     from mjplug.cli.field_path import FieldPath
@@ -23,22 +24,30 @@ def kind_of(client: "Client", topic: str, type: str | None) -> Any:
     """Returns the class to read a topic with; `dict` where this side has none for its type.
 
     Raises:
-        UnknownNameError: No server has the topic, and no type is given.
+        ClientError: No server has the topic, and no type is given.
         WrongTypeError: The type given is none, or another than the topic's.
     """
     from mjplug.cli.values import full_type
+    from mjplug.client import ClientError, UnknownNameError
+    from mjplug.client.graph import GIVE_TYPE
     from mjplug.client.types import known, message_class
 
     if type is not None:
         return message_class(full_type(type, "msg"))
-    return known(client.topic(topic).type) or dict
+    try:
+        return known(client.topic(topic).type) or dict
+    except UnknownNameError as error:
+        raise ClientError(f"{error}; {GIVE_TYPE}") from None
 
 
 @connected
 def echo(
     client: "Client",
     topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
-    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    type: Annotated[
+        str | None,
+        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_message_type),
+    ] = None,
     once: Annotated[bool, typer.Option("--once", help="End after the first message.")] = False,
     count: Annotated[
         int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="End after so many messages.")
@@ -62,11 +71,26 @@ def echo(
     no_arr: Annotated[bool, typer.Option("--no-arr", help="Show no lists.")] = False,
     no_str: Annotated[bool, typer.Option("--no-str", help="Show no texts.")] = False,
     flow_style: Annotated[bool, typer.Option("--flow-style", help="Show each message on one line, in YAML.")] = False,
+    filter: Annotated[
+        str | None,
+        typer.Option("--filter", metavar="EXPR", help="Show only messages for which this is true: 'm.linear.x > 0.5'."),
+    ] = None,
+    raw: Annotated[bool, typer.Option("--raw", help="Show messages as they come: bytes of CDR.")] = False,
+    qos_profile: QosProfile = None,
+    qos_depth: QosDepth = None,
+    qos_history: QosHistory = None,
+    qos_reliability: QosReliability = None,
+    qos_durability: QosDurability = None,
 ) -> None:
     """Shows the messages of a topic as they come."""
     from mjplug.cli.field_path import FieldPath
+    from mjplug.cli.message_filter import MessageFilter
     from mjplug.cli.render import Rendering
 
+    if raw and (field is not None or filter is not None or csv or output != "yaml"):
+        raise typer.BadParameter("it shows bytes, without --field, --filter, --csv or --output", param_hint="--raw")
+    chosen = MessageFilter(filter) if filter is not None else None
+    qos = qos_of(qos_profile, qos_depth, qos_history, qos_reliability, qos_durability)
     format: Format = "csv" if csv else output
     most = 0 if full_length else truncate_length
     rendering = Rendering(format, most, not no_arr, not no_str, flow_style)
@@ -75,18 +99,23 @@ def echo(
     if path is not None:
         path.check(kind)
     left = 1 if once else count or 0
-    with client.subscribe(topic, kind, depth=_DEPTH) as messages:
+    with client.subscribe(
+        topic, bytes if raw else kind, depth=qos.depth or _DEPTH, history=qos.history(_DEPTH)
+    ) as messages:
         value = _part(_first(client, messages, timeout), path)
-        if format == "csv":
-            say(rendering.heading(value))
-        warned = False
+        headed, warned = format != "csv", False
         while True:
-            say(rendering.text(value))
-            if format == "yaml":
-                say("---")
-            left -= 1
-            if left == 0:
-                return
+            if chosen is None or chosen(value):
+                if not headed:
+                    headed = True
+                    say(rendering.heading(value, field or ""))
+                # As Python writes bytes, and so does ros2.
+                say(str(value) if raw else rendering.text(value))
+                if format == "yaml":
+                    say("---")
+                left -= 1
+                if left == 0:
+                    return
             if messages.dropped and not warned:
                 warned = True
                 complain("warning: messages come faster than they can be shown; some are left out")
@@ -94,23 +123,16 @@ def echo(
 
 
 def _first(client: "Client", messages: "Subscription[Any]", timeout: float | None) -> Any:
-    """Returns the first message; whoever waits long for it hears why."""
+    """Returns the first message; if it does not come soon, prints why."""
+    from mjplug.cli.silence import why_silent
     from mjplug.client import TimedOutError
-    from mjplug.client.parameters import read
 
     if timeout is not None and timeout <= SILENCE:
         return messages.next(timeout)
     try:
         return messages.next(SILENCE)
     except TimedOutError:
-        known = client.topics().get(messages.name)
-        if known is None or not known.publishers:
-            why = "no server publishes it"
-        elif all(read(client.session, name).get("sim.paused") for name in known.publishers):
-            why = "the simulation is paused (mjplug sim resume)"
-        else:
-            why = "nothing has been published yet"
-        complain(f"waiting for {messages.name}: {why}")
+        complain(f"waiting for {messages.name}: {why_silent(client, messages.name)}")
     try:
         return messages.next(None if timeout is None else timeout - SILENCE)
     except TimedOutError:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.connected import connected
-from mjplug.cli.names import complete_topic
+from mjplug.cli.names import complete_message_type, complete_topic
 from mjplug.cli.output import say
 from mjplug.cli.topic_echo import kind_of
 
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 def pub(
     client: "Client",
     topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
-    type: Annotated[str | None, typer.Argument(metavar="TYPE", help="Its type; the server knows it.")] = None,
+    type: Annotated[
+        str | None,
+        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_message_type),
+    ] = None,
     values: Annotated[
         str | None,
         typer.Argument(metavar="VALUES", help="Fields as YAML: '{linear: {x: 0.5}}'; others have initial values."),

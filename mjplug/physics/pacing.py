@@ -94,7 +94,8 @@ class Pacer:
                 )
         elif self._too_slow.admit(now):
             _log.warning(
-                "physics cannot keep up: %.1f s of wall time lost so far at speed %g; simulated time now runs slower",
-                self.dropped,
+                "physics cannot keep up: %s s of wall time lost so far at speed %g; simulated time now runs slower",
+                # Little at first, and then more and more.
+                f"{self.dropped:.2g}" if self.dropped < 10.0 else f"{self.dropped:.0f}",
                 self.speed,
             )

@@ -10,7 +10,7 @@ def offer(host: Host, loop: Loop) -> None:
 
     def step_simulation(request: StepSimulation.Request, call: Call) -> Slow:
         if not loop.paused:
-            raise RequestError("the simulation is running; pause it first (set_pause)")
+            raise RequestError("the simulation is running; pause it first (~/set_pause, or mjplug sim pause)")
         if request.steps == 0:
             raise RequestError("steps is 0; it must be at least 1")
         goal = loop.goals.add(host.step, request.steps)

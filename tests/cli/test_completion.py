@@ -40,6 +40,56 @@ def test_tab_completes_commands_flags_and_names_that_are_installed():
     assert complete("mjplug", "plugin", "info", "hea") == ["heartbeat"]
 
 
+def test_tab_completes_what_a_server_is_started_with():
+    models = ["bundled:arm", "bundled:box", "bundled:mobile_base", "bundled:quadruped"]
+    assert complete("mjplug", "serve", "bund") == models
+    assert complete("mjplug", "config", "init", "bundl") == models
+    # File names are the shell's.
+    assert complete("mjplug", "serve", "rob") == []
+    assert complete("mjplug", "serve", "bundled:arm", "--plugin", "hea") == ["heartbeat"]
+    assert complete("mjplug", "serve", "bundled:quadruped", "--keyframe", "ho") == ["home"]
+    assert complete("mjplug", "serve", "no_such.xml", "--keyframe", "ho") == []
+
+
+def test_files_are_completed_beside_bundled_models(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bumper.xml").touch()
+    assert names.complete_model("bu")[-1] == "bumper.xml"
+    assert names.complete_model("") == []
+
+
+def test_tab_completes_the_keyframes_of_the_model_in_a_configuration_file(tmp_path, monkeypatch):
+    (tmp_path / "robot.yaml").write_text("model: bundled:quadruped\n")
+    monkeypatch.chdir(tmp_path)
+    assert complete("mjplug", "serve", "robot.yaml", "--keyframe", "ho") == ["home"]
+
+
+def test_tab_completes_types_of_the_right_kind():
+    assert complete("mjplug", "topic", "find", "std_msgs/msg/Str") == ["std_msgs/msg/String"]
+    assert complete("mjplug", "service", "find", "std_srvs/srv/T") == ["std_srvs/srv/Trigger"]
+    assert complete("mjplug", "topic", "find", "std_srvs/") == []
+
+
+def test_tab_completes_names_of_servers_and_of_their_parameters(tour):
+    connect = {"MJPLUG_CONNECT": tour.endpoint}
+    assert complete("mjplug", "topic", "list", "--server", "/mj", **connect) == ["/mjplug"]
+    assert complete("mjplug", "node", "info", "/", **connect) == ["/mjplug"]
+    assert complete("mjplug", "param", "get", "/mjplug", "sim.sp", **connect) == ["sim.speed"]
+
+
+def test_tab_completes_the_keyframes_of_a_bundled_model_that_is_running(serve):
+    server = serve("bundled:quadruped", "--paused")
+    assert complete("mjplug", "sim", "reset", "-k", "ho", MJPLUG_CONNECT=server.endpoint) == ["home"]
+
+
+def test_bash_takes_a_colon_for_the_end_of_a_word(tour):
+    assert complete("mjplug", "serve", "bundled", ":", "q") == ["quadruped"]
+    assert complete("mjplug", "serve", "bundled", ":") == ["arm", "box", "mobile_base", "quadruped"]
+    assert complete("mjplug", "serve", "bundled", ":", "quadruped", "--keyframe", "ho") == ["home"]
+    host, port = tour.endpoint.rsplit(":", 1)
+    assert complete("mjplug", "topic", "echo", "-e", host, ":", port, "/cl") == ["/clock"]
+
+
 def test_tab_completes_live_names_in_less_than_a_quarter_of_a_second(tour):
     spent = []
     for _ in range(3):

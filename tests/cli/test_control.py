@@ -55,7 +55,7 @@ def test_steps_are_refused_while_the_simulation_runs(world):
     world.client.do("mjplug/set_pause", paused=False)
     assert world.client.ask("mjplug/step_simulation", steps=1) == {
         "success": False,
-        "message": "the simulation is running; pause it first (set_pause)",
+        "message": "the simulation is running; pause it first (~/set_pause, or mjplug sim pause)",
     }
 
 

@@ -1,19 +1,23 @@
 """A tour of `mjplug topic`: every command against a live server, with text and exit codes."""
 
+import ast
+import contextlib
 import csv
 import io
 import json
 import re
 import signal
+import socket
 import subprocess
 import threading
 
 import pytest
 import yaml
 from cli.process import COMMAND, environment
+from slow_listener import SlowListener
 
-from mjplug.cli import topic_echo, topic_rates
-from mjplug.client import connect
+from mjplug.cli import rate_meter, topic_echo, topic_rates
+from mjplug.client import connect, connection
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray
 from mjplug_schemas.rihs01 import type_hash
@@ -45,13 +49,44 @@ def test_a_topic_is_described(tour):
     assert tour.ask("topic", "find", "std_msgs/msg/UInt64") == "/mjplug/epoch\n"
     assert tour.ask("topic", "find", "std_msgs/msg/Bool") == ""
     assert tour.ask("topic", "info", "~/epoch").splitlines() == [
+        "Type: std_msgs/msg/UInt64", "Publisher count: 1", "Subscription count: 0",
+    ]  # fmt: skip
+
+
+def test_a_topic_is_described_with_its_ends_in_the_form_of_ros2(tour):
+    qos = ["  Lifespan: Infinite", "  Deadline: Infinite", "  Liveliness: AUTOMATIC"]
+    assert tour.ask("topic", "info", "~/epoch", "--verbose").splitlines() == [
         "Type: std_msgs/msg/UInt64",
-        "Published by: /mjplug",
-        "Read by: no server",
-        "Quality of service: reliable, transient_local, depth 1",
+        "",
+        "Publisher count: 1",
+        "",
+        "Node name: mjplug",
+        "Node namespace: /",
+        "Topic type: std_msgs/msg/UInt64",
+        f"Topic type hash: {type_hash(UInt64)}",
+        "Endpoint type: PUBLISHER",
         "Key: mjplug/epoch (JSON: mjplug/epoch/@json)",
-        f"Type hash: {type_hash(UInt64)}",
+        "QoS profile:",
+        "  Reliability: RELIABLE",
+        "  History (Depth): KEEP_LAST (1)",
+        "  Durability: TRANSIENT_LOCAL",
+        *qos,
+        "  Liveliness lease duration: Infinite",
+        "",
+        "Subscription count: 0",
+        "",
     ]
+    read = tour.ask("topic", "info", "-v", "/cmd_vel").splitlines()
+    assert read[:5] == ["Type: geometry_msgs/msg/Twist", "", "Publisher count: 0", "", "Subscription count: 1"]
+    assert "Endpoint type: SUBSCRIPTION" in read
+
+
+def test_topics_are_listed_with_the_number_of_their_ends(tour):
+    published, subscribed = tour.ask("topic", "list", "-v").split("\n\n")[:2]
+    assert published.startswith("Published topics:\n * /clock [rosgraph_msgs/msg/Clock] 1 publisher\n")
+    assert subscribed.startswith("Subscribed topics:\n * /cmd_vel [geometry_msgs/msg/Twist] 1 subscriber")
+    assert "/cmd_vel" not in published
+    assert "/clock" not in subscribed
 
 
 def test_echo_shows_messages_as_yaml_documents(tour):
@@ -105,6 +140,42 @@ class stepping:  # noqa: N801  (reads as a statement)
         self._client.close()
 
 
+def test_a_part_as_csv_has_its_name_in_the_heading(tour):
+    field = f"{POSITION}.z"
+    table = tour.ask("topic", "echo", "/free_joints/free_joint_states", "--once", "--csv", "--field", field)
+    assert table.splitlines()[0] == field
+    table = tour.ask("topic", "echo", "/thermometer/reading", "--once", "--csv", "--field", "history")
+    assert table.splitlines() == ["history[0],history[1]", "1.0,2.0"]
+
+
+def test_echo_shows_the_messages_for_which_an_expression_is_true(tour):
+    (clock,) = documents(tour.ask("topic", "echo", "/clock", "--filter", "m.clock.nanosec % 4000000 == 0", "--once"))
+    assert clock["clock"]["nanosec"] % 4_000_000 == 0
+    # Of a part, m is the part.
+    part = tour.ask("topic", "echo", "/clock", "--field", "clock.nanosec", "--filter", "m % 8000000 == 0", "-n", "2")
+    assert [value % 8_000_000 for value in documents(part)] == [0, 0]
+    reading = tour.ask("topic", "echo", "/thermometer/reading", "--filter", "m.label == 'warm'", "--once")
+    assert documents(reading)[0]["label"] == "warm"
+
+
+def test_echo_shows_messages_as_they_come(tour):
+    raw, end = tour.ask("topic", "echo", "/clock", "--once", "--raw").splitlines()
+    assert end == "---"
+    assert isinstance(Clock.from_cdr(ast.literal_eval(raw)), Clock)
+    assert len(ast.literal_eval(raw)) == len(Clock().to_cdr())
+
+
+def test_echo_takes_the_quality_of_service_as_ros2_does(tour):
+    latched = ("topic", "echo", "~/epoch", "--once", "--field", "data", "--timeout", "0.5")
+    for more in ((), ("--qos-durability", "transient_local"), ("--qos-profile", "action_status_default")):
+        assert tour.ask(*latched, *more, "--qos-reliability", "best_effort", "--qos-depth", "3").endswith("---\n")
+    for more in (("--qos-durability", "volatile"), ("--qos-profile", "sensor_data")):
+        assert "no message on /mjplug/epoch" in tour.fail(6, *latched, *more)
+    # An option counts more than the profile.
+    assert tour.ask(*latched, "--qos-profile", "sensor_data", "--qos-durability", "transient_local").endswith("---\n")
+    assert "'durable' is not one of" in tour.fail(2, *latched, "--qos-durability", "durable")
+
+
 def test_echo_leaves_out_what_is_long_or_unwanted(tour):
     topic = "/free_joints/free_joint_states"
     assert documents(tour.ask("topic", "echo", topic, "--once", "--no-arr"))[0]["free_joints"] == "<1 values>"
@@ -135,7 +206,13 @@ def test_echo_leaves_out_what_is_long_or_unwanted(tour):
         (2, ("delay", "/mujoco_heartbeat"), r"std_msgs/msg/String has no header with a stamp"),
         (2, ("hz", "-s", "/mujoco_heartbeat"), r"std_msgs/msg/String has no header with a stamp"),
         (2, ("find", "std_msgs/UInt46"), r"unknown type 'std_msgs/msg/UInt46', did you mean 'std_msgs/msg/UInt64'\?"),
-        (1, ("pub", "/chatter", "{data: x}"), r"unknown topic '/chatter'"),
+        (1, ("pub", "/chatter", "{data: x}"), r"unknown topic '/chatter'; .*; if the name is right, give its type"),
+        (1, ("echo", "/chatter"), r"unknown topic '/chatter'; .*; if the name is right, give its type"),
+        (2, ("find", "UInt64"), r"unknown type 'UInt64', did you mean 'std_msgs/msg/UInt64'\?"),
+        (2, ("echo", "/clock", "--filter", "m.clok.sec"), r"there is no field 'clok', did you mean 'clock'\?"),
+        (2, ("echo", "/clock", "--filter", "open('x')"), r"\"open\('x'\)\" cannot be called; allowed: abs, all"),
+        (2, ("hz", "/clock", "--filter", "m.sec"), r"there is no field 'sec'; known: clock"),
+        (2, ("echo", "/clock", "--raw", "--csv"), r"Invalid value for --raw: it shows bytes, without"),
         (6, ("pub", "--once", "/chatter", "std_msgs/String", "{data: x}", "--timeout", "0.2"), r"nobody reads"),
         (2, ("pub", "/cmd_vel", "{linear: {x: fast}}"), r"linear\.x must be a float64 \(a number\), got \"fast\""),
         (2, ("pub", "/cmd_vel", "{lineal: {x: 1}}"), r"unknown field 'lineal', did you mean 'linear'\?"),
@@ -207,7 +284,7 @@ def test_bandwidth_counts_the_bytes_of_the_messages(tour, monkeypatch):
 
 
 def test_bandwidth_is_that_between_the_first_and_the_last_arrival():
-    assert topic_rates.bandwidth([(7.0, 900), (8.0, 100), (9.0, 100)]).startswith("100 B/s from 3 messages\n")
+    assert rate_meter.bandwidth([(7.0, 900), (8.0, 100), (9.0, 100)]).startswith("100 B/s from 3 messages\n")
 
 
 def test_delay_is_the_age_in_simulated_time(tour):
@@ -231,7 +308,28 @@ def test_who_waits_for_a_first_message_hears_why(tour, monkeypatch):
 
 
 def test_a_topic_that_is_silent_is_said_to_be(tour):
-    assert tour.ask("topic", "hz", "/cmd_vel", "-n", "1") == "no messages yet\n"
+    assert tour.ask("topic", "hz", "/cmd_vel", "-n", "1") == "no messages yet: no server publishes it\n"
+    tour.ask("sim", "pause")
+    why = "no messages yet: the simulation is paused (mjplug sim resume)\n"
+    # Said once, however many reports there are.
+    assert tour.ask("topic", "hz", "/mujoco_heartbeat", "-n", "2") == why
+    assert tour.ask("topic", "bw", "/mujoco_heartbeat", "-n", "1") == why
+
+
+def test_rates_of_several_topics_are_a_table(tour):
+    table = tour.ask("topic", "hz", "/clock", "/mujoco_heartbeat", "/cmd_vel", "-n", "2").splitlines()[-5:]
+    assert table[0].split() == ["topic", "rate", "min_delta", "max_delta", "std_dev", "window"]
+    assert set(table[1]) == {"="}
+    rows = {row.split()[0]: [float(cell) for cell in row.split()[1:]] for row in table[2:4]}
+    # The third one has no messages.
+    assert list(rows) == ["/clock", "/mujoco_heartbeat"]
+    # 1000 Hz and 20 Hz of simulated time, which a busy machine makes slower alike.
+    assert rows["/clock"][0] / rows["/mujoco_heartbeat"][0] == pytest.approx(50.0, rel=0.5)
+
+
+def test_a_rate_of_chosen_messages_is_lower(tour):
+    every = "m.clock.nanosec % 4000000 == 0"
+    assert tour.ask("topic", "hz", "/clock", "-s", "-n", "1", "--filter", every).startswith("average rate: 250.000\n")
 
 
 @pytest.fixture
@@ -286,6 +384,30 @@ def test_output_that_cannot_be_written_is_a_sentence(tour):
 
 def test_nobody_there_is_exit_code_5(tour):
     said = tour.fail(5, "topic", "list", "--connect", "tcp/127.0.0.1:1")
-    assert said.startswith("error: no mjplug server at tcp/127.0.0.1:1; start one (mjplug serve bundled:box --listen")
+    assert said.startswith("error: connection refused by tcp/127.0.0.1:1: no mjplug server listens there; start one (")
     assert "is no Zenoh endpoint" in tour.fail(5, "topic", "list", "-e", "localhost:7447")
     assert "unknown server '/mjplu', did you mean '/mjplug'?" in tour.fail(1, "topic", "list", "--server", "/mjplu")
+
+
+def test_a_server_that_answers_late_is_reached(tour):
+    with SlowListener(tour.endpoint, delay=1.5) as listener:
+        assert "/clock" in tour.ask("topic", "list", "-e", listener.endpoint).splitlines()
+
+
+def test_a_command_waits_for_a_server_that_starts_later_if_it_is_told_to(tour, monkeypatch):
+    with contextlib.ExitStack() as stack, socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        port = closed.getsockname()[1]
+        examine, failures = connection.examine, []
+
+        def start_listening(*arguments, **options):
+            failures.append(examine(*arguments, **options))
+            if len(failures) == 2:
+                closed.close()
+                stack.enter_context(SlowListener(tour.endpoint, port=port))
+            return failures[-1]
+
+        monkeypatch.setattr(connection, "examine", start_listening)
+        listed = tour.ask("topic", "list", "-e", f"tcp/127.0.0.1:{port}", "--wait", "60")
+    assert "/clock" in listed.splitlines()
+    assert all(failure.reason.startswith("connection refused by ") for failure in failures[:2])

@@ -213,7 +213,9 @@ def test_types_are_found_by_name():
     [
         ("std_msgs/String", ", did you mean 'std_msgs/msg/String'?"),
         ("std_msgs/msg/Strin", ", did you mean 'std_msgs/msg/String'?"),
-        ("String", ""),
+        ("String", ", did you mean 'std_msgs/msg/String'?"),
+        ("strin", ", did you mean 'std_msgs/msg/String'?"),
+        ("Nothing of the kind", ""),
         ("", ""),
         ("std_msgs/msg/String_Request", ", did you mean 'std_msgs/msg/String'?"),
     ],

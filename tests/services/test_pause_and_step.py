@@ -64,7 +64,7 @@ def test_step_requests_add_up_and_each_is_answered_at_its_own_last_step(world):
 
 
 def test_steps_are_refused_while_running_and_when_zero(world):
-    assert step(world, 5).refusal == "the simulation is running; pause it first (set_pause)"
+    assert step(world, 5).refusal == "the simulation is running; pause it first (~/set_pause, or mjplug sim pause)"
     pause(world)
     assert step(world, 0).refusal == "steps is 0; it must be at least 1"
 

@@ -1,0 +1,215 @@
+"""Measures topics, and reports once a second: rate, bandwidth, age."""
+
+import itertools
+import statistics
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from mjplug.cli.output import say
+from mjplug.cli.silence import why_silent
+from mjplug.client import Client, TimedOutError, TopicInfo
+
+REPORT_EVERY = 1.0
+"""How often a report is printed [s]."""
+
+
+class Meter:
+    """Measures each message of a topic when it comes, on Zenoh's thread.
+
+    Attributes:
+        topic: The topic.
+        arrived: How many messages have come.
+        fresh: Whether one has come since the last report.
+        failure: The exception that `measure` has raised.
+
+    Args:
+        topic: As above.
+        window: How many of the last values are kept.
+        measure: Returns the value of a sample; None does not count.
+    """
+
+    def __init__(self, topic: TopicInfo, window: int, measure: Callable[[zenoh.Sample], Any]) -> None:
+        self.topic = topic
+        self.arrived = 0
+        self.fresh = False
+        self.failure: Exception | None = None
+        self._measure = measure
+        self._values: deque[Any] = deque(maxlen=window)
+        self._before = 0
+
+    @property
+    def values(self) -> list[Any]:
+        """The values of the last messages, in a copy: Zenoh's thread goes on writing."""
+        return list(self._values.copy())
+
+    def take(self, sample: zenoh.Sample) -> None:
+        """Measures a sample."""
+        self.arrived += 1
+        if self.arrived == 1:
+            # A first listener may be given a message at once, whatever the rate.
+            return
+        try:
+            value = self._measure(sample)
+            if value is not None:
+                self._values.append(value)
+        except Exception as error:
+            self.failure = error
+
+    def look(self) -> None:
+        """Notes whether anything has come since the last call.
+
+        Raises:
+            Exception: What `measure` has raised.
+        """
+        if self.failure is not None:
+            raise self.failure
+        arrived = self.arrived
+        self.fresh, self._before = arrived > self._before, arrived
+
+
+def report(
+    client: Client,
+    meters: Sequence[Meter],
+    count: int | None,
+    timeout: float | None,
+    text: Callable[[Sequence[Meter]], str],
+) -> None:
+    """Prints a report once a second; while there is nothing to report, why, once.
+
+    Args:
+        client: A client on the network.
+        meters: What is measured.
+        count: After how many reports to end; None is never.
+        timeout: For how long no message may come [s]; None is for ever.
+        text: Returns the report on meters that have at least two values.
+
+    Raises:
+        TimedOutError: No message came for so long.
+    """
+    subscribers = [
+        client.session.declare_subscriber(meter.topic.key, Callback(meter.take, indirect=False)) for meter in meters
+    ]
+    silent_since, said, reports = time.monotonic(), "", 0
+    try:
+        while count is None or reports < count:
+            time.sleep(REPORT_EVERY)
+            for meter in meters:
+                meter.look()
+            now = time.monotonic()
+            if any(meter.fresh for meter in meters):
+                silent_since = now
+            elif timeout is not None and now - silent_since >= timeout:
+                names = ", ".join(meter.topic.name for meter in meters)
+                raise TimedOutError(f"no message on {names} within {timeout:g} s")
+            ready = [meter for meter in meters if meter.fresh and len(meter.values) > 1]
+            line = text(ready) if ready else _silence(client, meters)
+            if ready or line != said:
+                say(line)
+            said = line
+            reports += 1
+    finally:
+        for subscriber in subscribers:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]
+
+
+def _silence(client: Client, meters: Sequence[Meter]) -> str:
+    if any(meter.fresh for meter in meters):
+        return "too few messages yet"
+    if any(meter.arrived for meter in meters):
+        return f"no new messages: {why_silent(client, meters[0].topic.name, 'nothing is published now')}"
+    return f"no messages yet: {why_silent(client, meters[0].topic.name)}"
+
+
+def rate(meters: Sequence[Meter]) -> str:
+    """Returns the report on one topic whose values are times [s]."""
+    found = _rate(meters[0].values)
+    if found is None:
+        return "average rate: unknown, since time stands still"
+    hertz, least, most, spread, number = found
+    return f"average rate: {hertz:.3f}\n\tmin: {least:.4f}s max: {most:.4f}s std dev: {spread:.5f}s window: {number}"
+
+
+def rate_table(meters: Sequence[Meter]) -> str:
+    """Returns the report on several topics whose values are times [s]."""
+    heading = ("topic", "rate", "min_delta", "max_delta", "std_dev", "window")
+    rows = []
+    for meter in meters:
+        found = _rate(meter.values)
+        if found is not None:
+            hertz, least, most, spread, number = found
+            rows.append((meter.topic.name, f"{hertz:.3f}", f"{least:.4f}", f"{most:.4f}", f"{spread:.5f}", str(number)))
+    widths = [max(len(row[i]) for row in (heading, *rows)) for i in range(len(heading))]
+    lines = ["   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    title = "   ".join(cell.center(width) for cell, width in zip(heading, widths, strict=True)).rstrip()
+    return "\n".join([title, "=" * (sum(widths) + 3 * (len(widths) - 1)), *lines, ""])
+
+
+def _rate(times: list[float]) -> tuple[float, float, float, float, int] | None:
+    """Returns messages per second; shortest, longest and standard deviation of the pauses [s]; how many messages."""
+    gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
+    span = times[-1] - times[0]
+    if span <= 0.0:
+        return None
+    return len(gaps) / span, min(gaps), max(gaps), statistics.pstdev(gaps), len(times)
+
+
+def bandwidth(samples: list[tuple[float, int]]) -> str:
+    """Returns the report on messages of which the time of arrival [s] and the size [bytes] are known."""
+    sizes = [size for _, size in samples]
+    span = samples[-1][0] - samples[0][0]
+    # The first one came before the span.
+    per_second = _bytes(sum(sizes[1:]) / span) if span > 0.0 else "unknown"
+    return (
+        f"{per_second}/s from {len(sizes)} messages\n"
+        f"\tMessage size mean: {_bytes(statistics.fmean(sizes))} min: {_bytes(min(sizes))} max: {_bytes(max(sizes))}"
+    )
+
+
+def age(ages: list[float]) -> str:
+    """Returns the report on messages whose ages are known [s]."""
+    return (
+        f"average delay: {statistics.fmean(ages):.4f}\n"
+        f"\tmin: {min(ages):.4f}s max: {max(ages):.4f}s std dev: {statistics.pstdev(ages):.5f}s window: {len(ages)}"
+    )
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "KB", "MB"):
+        if count < 1000.0:
+            return f"{count:.0f} B" if unit == "B" else f"{count:.2f} {unit}"
+        count /= 1000.0
+    return f"{count:.2f} GB"
+
+
+class SimulatedNow:
+    """Simulated time at any moment, from the messages on /clock.
+
+    Attributes:
+        known: Set once two messages have told time and rate.
+    """
+
+    def __init__(self) -> None:
+        self.known = threading.Event()
+        # Wall time, simulated time and the rate between the last two messages, replaced as one: two threads use it.
+        self._last: tuple[float, float, float] | None = None
+
+    def tick(self, message: Any) -> None:
+        """Takes a message."""
+        wall, simulated, before = time.monotonic(), message.clock.sec + message.clock.nanosec / 1e9, self._last
+        if before is None:
+            self._last = (wall, simulated, 0.0)
+        elif wall > before[0]:
+            self._last = (wall, simulated, (simulated - before[1]) / (wall - before[0]))
+            self.known.set()
+
+    def __call__(self) -> float:
+        """Returns simulated time now [s]."""
+        assert self._last is not None
+        wall, simulated, rate = self._last
+        return simulated + rate * (time.monotonic() - wall)
