@@ -8,11 +8,13 @@ from typing import Any, TypeVar
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
+from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
 from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
-from mjplug.errors import PluginError, RequestError
+from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.log import INSTANCES
 from mjplug.log_scope import logger_of_server
 from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
@@ -20,6 +22,7 @@ from mjplug.physics.scheduler import Slow, Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard, Stepping
+from mjplug.plugin.parameters import Parameters
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
 from mjplug.throttle import Throttle
@@ -27,6 +30,7 @@ from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
+P = TypeVar("P", bound=Parameters)
 
 Resolve = Callable[[str], str]
 """Converts a name as a plugin writes it to the full ROS name."""
@@ -53,6 +57,7 @@ class Host(WorldView):
         folders: Folders in which relative file names of parameters are searched, in this order.
         stopwatch: Measures the time that the plugin takes.
         frame_prefix: Prefix of the TF frames in the plugin's messages, such as `robot1/`.
+        changeable: Where parameters that clients can change are declared.
     """
 
     def __init__(
@@ -69,6 +74,7 @@ class Host(WorldView):
         folders: Sequence[Path] = (),
         stopwatch: Stopwatch | None = None,
         frame_prefix: str = "",
+        changeable: ChangeableParameters | None = None,
     ) -> None:
         super().__init__(loop.simulation, model_file, folders)
         self.name = name
@@ -79,6 +85,7 @@ class Host(WorldView):
         self._transport = transport
         self._resolve = resolve
         self._frame_prefix = frame_prefix
+        self._changeable = changeable or ChangeableParameters()
         self._workers = workers
         self._diagnostics = diagnostics
         self._guard = Guard(name, self.logger, loop, self._stopwatch, disable_on_error)
@@ -359,6 +366,34 @@ class Host(WorldView):
             return Diagnosis(Level.ERROR, self._guard.disabled) if self._guard.disabled else task()
 
         self._diagnostics.add(f"{self.name}: {name}" if name else self.name, diagnose)
+
+    def create_parameters(self, name: str, values: P, on_change: Callable[[P], None]) -> None:
+        """Declares parameters that clients can change while the server runs, for example with `ros2 param set`.
+
+        They are the numbers, texts and truth values among the fields of `values`. The full name of each is
+        `plugins.<instance>.<name>.<field>`, as in the configuration file.
+
+        Args:
+            name: Name of the group, such as `pid_gains.position.joint1`.
+            values: The values at the start.
+            on_change: Called between two steps with new values that are valid for the class of `values`. It applies
+                them. To refuse them, raise RequestError before anything has been applied.
+        """
+
+        def change(new: Any) -> None:
+            if self._guard.disabled:
+                raise RequestError(self._guard.disabled)
+            try:
+                on_change(new)
+            except RequestError:
+                raise
+            except BaseException as error:
+                if not is_fault(error):
+                    raise
+                self._guard.fail(error)
+                raise RequestError(f"plugin {self.name} failed: {error!r}") from error
+
+        self._changeable.add(f"plugins.{self.name}.{name}", ParameterGroup[BaseModel](values, change))
 
     def attach(self, plugin: Stepping) -> None:
         """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""

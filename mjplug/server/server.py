@@ -10,6 +10,7 @@ from typing import Any
 from mjplug.config.instance_names import InstanceNames, instance_names, server_names
 from mjplug.config.settings import Settings
 from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.contracts.parameters import ChangeableParameters
 from mjplug.contracts.transport import Transport
 from mjplug.contracts.work import WorkerPool
 from mjplug.errors import MjplugError, PluginError, is_fault
@@ -72,6 +73,7 @@ class Server:
         self._workers = workers
         self._model_file = model_file
         self.diagnostics = Diagnostics()
+        self._changeable = ChangeableParameters()
         self._cleanups = ExitStack()
         self._times = PluginTimes(self.loop, perf_counter())
         # Before the diagnostics are published.
@@ -81,7 +83,7 @@ class Server:
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         clock.offer(host, self.loop, sim.clock_rate)
-        parameters.offer(host, self.loop, settings)
+        parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
         self.diagnostics.add("plugins", self._times.diagnose)
         # The first to come and the last to go, so that what plugins log in between is in it.
@@ -167,6 +169,7 @@ class Server:
             folders,
             self._times.add(name),
             names.frame_prefix,
+            self._changeable,
         )
 
     @staticmethod

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from mjplug.config.settings import Settings
+from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup, Scalar
 from mjplug.errors import RequestError, did_you_mean, quoted
 from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug.near_names import Names
@@ -26,8 +28,6 @@ from mjplug_schemas.rcl_interfaces import (
     SetParametersAtomically,
     SetParametersResult,
 )
-
-Scalar = bool | int | float | str
 
 Apply = Callable[[], None]
 
@@ -58,9 +58,9 @@ class ServerParameter:
     changeable: bool = False
 
 
-def offer(host: Host, loop: Loop, settings: Settings) -> None:
-    """Declares the services. Only `sim.speed` can be set; all other parameters are read-only."""
-    services = ParameterServices(parameters(loop, settings))
+def offer(host: Host, loop: Loop, settings: Settings, changeable: ChangeableParameters) -> None:
+    """Declares the services. `sim.speed` and the parameters in `changeable` can be set; the others are read-only."""
+    services = ParameterServices(parameters(loop, settings), changeable)
     for name, (kind, handler) in services.handlers.items():
         host.create_service(kind, f"~/{name}", _service(handler))
 
@@ -105,12 +105,17 @@ class ParameterServices:
     """The handlers of the six parameter services.
 
     Args:
-        parameters: The parameters by name.
+        parameters: The parameters of the server by name.
+        changeable: The parameters of plugins; plugins may add more later.
     """
 
-    def __init__(self, parameters: Mapping[str, ServerParameter]) -> None:
-        self._parameters = dict(sorted(parameters.items()))
-        self._names = Names(parameters)
+    def __init__(self, parameters: Mapping[str, ServerParameter], changeable: ChangeableParameters) -> None:
+        self._own = parameters
+        self._changeable = changeable
+        self._parameters: dict[str, ServerParameter] = {}
+        self._names = Names(())
+        self._groups = -1
+        self._refresh()
 
     @property
     def handlers(self) -> Mapping[str, tuple[type[Service], Callable[[Any], Message]]]:
@@ -134,6 +139,7 @@ class ParameterServices:
         return GetParameterTypes.Response(types=bytes(self._value(name).type for name in request.names))
 
     def _list(self, request: ListParameters.Request) -> ListParameters.Response:
+        self._refresh()
         names = tuple(name for name in self._parameters if _is_below(name, request.prefixes, request.depth))
         prefixes = dict.fromkeys(name.rpartition(".")[0] for name in names if "." in name)
         return ListParameters.Response(result=ListParametersResult(names=names, prefixes=tuple(prefixes)))
@@ -142,7 +148,7 @@ class ParameterServices:
         results = []
         for parameter in request.parameters:
             try:
-                self._plan(parameter)()
+                self._apply([parameter])
             except RequestError as error:
                 results.append(SetParametersResult(successful=False, reason=str(error)))
             else:
@@ -151,33 +157,59 @@ class ParameterServices:
 
     def _set_atomically(self, request: SetParametersAtomically.Request) -> SetParametersAtomically.Response:
         try:
-            plans = [self._plan(parameter) for parameter in request.parameters]
+            self._apply(request.parameters)
         except RequestError as error:
             result = SetParametersResult(successful=False, reason=str(error))
         else:
-            for apply in plans:
-                apply()
             result = SetParametersResult(successful=True)
         return SetParametersAtomically.Response(result=result)
 
-    def _plan(self, parameter: Parameter) -> Apply:
-        name, found = parameter.name, self._parameters.get(parameter.name)
-        if found is None:
-            raise RequestError(
-                f"unknown parameter {quoted(name)}{did_you_mean(name, self._names)}; "
-                f"known: {', '.join(self._parameters)}"
-            )
-        try:
-            return found.plan(_scalar(parameter.value))
-        except RequestError as error:
-            raise RequestError(f"parameter {name!r}: {error}") from None
+    def _apply(self, parameters: Sequence[Parameter]) -> None:
+        """Sets all of the parameters, or none of them."""
+        plans: list[Apply] = []
+        changes: dict[str, dict[str, Scalar | None]] = {}
+        for parameter in parameters:
+            name, value = parameter.name, _scalar(parameter.value)
+            group, _, field = name.rpartition(".")
+            if self._find(name) is None:
+                raise RequestError(
+                    f"unknown parameter {quoted(name)}{did_you_mean(name, self._names)}; "
+                    f"known: {', '.join(self._parameters)}"
+                )
+            if name not in self._own:
+                # Together, because one limit may only be right with another one of the same request.
+                changes.setdefault(group, {})[field] = value
+                continue
+            try:
+                plans.append(self._own[name].plan(value))
+            except RequestError as error:
+                raise RequestError(f"parameter {name!r}: {error}") from None
+        self._changeable.change(changes)
+        for apply in plans:
+            apply()
+
+    def _refresh(self) -> None:
+        """Lists the parameters anew, if plugins have added some."""
+        if self._groups != len(self._changeable.groups):
+            self._groups = len(self._changeable.groups)
+            found = {
+                f"{prefix}.{field}": _changeable(group, field, description)
+                for prefix, group in self._changeable.groups.items()
+                for field, description in group.fields.items()
+            }
+            self._parameters = dict(sorted({**found, **self._own}.items()))
+            self._names = Names(self._parameters)
+
+    def _find(self, name: str) -> ServerParameter | None:
+        self._refresh()
+        return self._parameters.get(name)
 
     def _value(self, name: str) -> ParameterValue:
-        found = self._parameters.get(name)
+        found = self._find(name)
         return _NOT_SET if found is None else parameter_value(found.read())
 
     def _descriptor(self, name: str) -> ParameterDescriptor:
-        found = self._parameters.get(name)
+        found = self._find(name)
         if found is None:
             return ParameterDescriptor(name=name)
         return ParameterDescriptor(
@@ -186,8 +218,17 @@ class ParameterServices:
             description=found.description,
             read_only=not found.changeable,
             # `sim.speed` is a number or the string `max`.
-            dynamic_typing=found.changeable,
+            dynamic_typing=name == "sim.speed",
         )
+
+
+def _changeable(group: ParameterGroup[Any], field: str, description: str) -> ServerParameter:
+    # Set as a whole group, never through `plan`.
+    return ServerParameter(partial(group.read, field), _never, description, True)
+
+
+def _never(value: Scalar | None) -> Apply:
+    raise AssertionError("a parameter of a plugin is set through its group")
 
 
 def parameter_value(value: Scalar) -> ParameterValue:

@@ -3,6 +3,7 @@
 import pytest
 
 from mjplug.config.settings import Settings, Sim
+from mjplug.contracts.parameters import ChangeableParameters
 from mjplug.services import parameters
 from mjplug.services.parameters import ParameterServices, fixed
 from mjplug.testing import World
@@ -30,7 +31,12 @@ def double(value):
 @pytest.fixture
 def world(box_model):
     world = World(box_model, speed=0.5, paused=True)
-    parameters.offer(world.host("mjplug"), world.loop, Settings(model="bundled:box", sim=Sim(seed=7, speed=0.5)))
+    parameters.offer(
+        world.host("mjplug"),
+        world.loop,
+        Settings(model="bundled:box", sim=Sim(seed=7, speed=0.5)),
+        ChangeableParameters(),
+    )
     return world
 
 
@@ -93,7 +99,7 @@ def test_descriptions_say_what_a_parameter_is_and_whether_it_can_be_set(ask):
 )
 def test_parameters_are_listed_by_group_and_depth(prefixes, depth, names):
     values = {"use_sim_time": True, "sim.seed": 7, "model": "bundled:box", "sim.viewer.on": False}
-    services = ParameterServices({name: fixed(value) for name, value in values.items()})
+    services = ParameterServices({name: fixed(value) for name, value in values.items()}, ChangeableParameters())
     _, list_parameters = services.handlers["list_parameters"]
     assert list_parameters(ListParameters.Request(prefixes=prefixes, depth=depth)).result.names == names
 

@@ -9,7 +9,8 @@ from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, commands_for
 from mjplug_plugins.joints.outputs import Drive
-from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters
+from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters, PidGains
+from mjplug_plugins.joints.pid import PidBank
 from mjplug_plugins.joints.trajectories import Trajectories
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64MultiArray
@@ -53,6 +54,8 @@ class JointCommands(Plugin[JointCommandsParameters]):
         self._subscribe(JointTrajectory, parameters.trajectory_topic, self._handle_trajectory)
         for name, group in parameters.groups.items():
             self._add_group(name, group)
+        for name, (gains, pids) in self._joints.gains.items():
+            host.create_parameters(f"pid_gains.{name}", gains, partial(_set_gains, pids))
         host.create_diagnostic("", self._diagnose)
         self._hold()
 
@@ -181,3 +184,8 @@ class JointCommands(Plugin[JointCommandsParameters]):
         if refusal:
             return Diagnosis(Level.WARN, refusal, values)
         return Diagnosis(values=values)
+
+
+def _set_gains(pids: Sequence[tuple[PidBank, int]], gains: PidGains) -> None:
+    for bank, pid in pids:
+        bank.set_gains(pid, gains)

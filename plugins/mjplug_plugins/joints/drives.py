@@ -28,6 +28,7 @@ class JointDrives:
         drives: Commandable joints, by name.
         passive: Names of joints that cannot be commanded, or that mimic another joint.
         banks: The PIDs for position commands and the PIDs for velocity commands.
+        gains: The configured gains and the PIDs that they apply to, by name, such as `position.joint1`.
 
     Args:
         host: Provides the model and the state.
@@ -53,6 +54,7 @@ class JointDrives:
         self._check_gains(commanded)
         self._pids: dict[int, list[PidOutput]] = defaultdict(list)
         self.banks: list[PidBank] = []
+        self.gains: dict[str, tuple[PidGains, list[tuple[PidBank, int]]]] = {}
         pid_outputs = {interface: self._create_pids(interface, commanded) for interface in ("position", "velocity")}
         self.drives: dict[str, Drive] = {}
         for name, (joint, own) in commanded.items():
@@ -109,17 +111,18 @@ class JointDrives:
         """Creates the PIDs for one kind of command; returns them by joint name."""
         model, data = self._host.model, self._host.data
         rows = [
-            (joint, actuator, gains)
+            (joint, actuator, name)
             for joint, own in commanded.values()
             for actuator in own
             if interface in _PID_INTERFACES[actuator.law.drives]
-            and (gains := self._gains(interface, joint, actuator)) is not None
+            and (name := self._gains_name(interface, joint, actuator)) is not None
         ]
         if not rows:
             return {}
         position = interface == "position"
+        by_name: dict[str, PidGains] = getattr(self._pid_gains, interface)
         bank = PidBank(
-            [gains for _, _, gains in rows],
+            [by_name[name] for _, _, name in rows],
             data.qpos if position else data.qvel,
             [joint.qpos if position else joint.dof for joint, _, _ in rows],
             data.ctrl,
@@ -129,15 +132,17 @@ class JointDrives:
         )
         self.banks.append(bank)
         by_joint: dict[str, list[PidOutput]] = defaultdict(list)
-        for pid, (joint, actuator, _) in enumerate(rows):
+        for pid, (joint, actuator, name) in enumerate(rows):
+            self.gains.setdefault(f"{interface}.{name}", (by_name[name], []))[1].append((bank, pid))
             pids = self._pids[actuator.actuator]
             pids.append(PidOutput(bank, pid, pids))
             by_joint[joint.name].append(pids[-1])
         return by_joint
 
-    def _gains(self, interface: str, joint: ScalarJoint, actuator: Actuator) -> PidGains | None:
+    def _gains_name(self, interface: str, joint: ScalarJoint, actuator: Actuator) -> str | None:
+        """Returns the name under which the gains of an actuator are configured, its own or that of the joint."""
         by_name: dict[str, PidGains] = getattr(self._pid_gains, interface)
-        return by_name.get(actuator.name) or by_name.get(joint.name)
+        return next((name for name in (actuator.name, joint.name) if name in by_name), None)
 
     def _check_gains(self, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]) -> None:
         known = {name for joint, own in commanded.items() for name in (joint, *(a.name for a in own[1])) if name}

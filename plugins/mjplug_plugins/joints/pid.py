@@ -44,25 +44,16 @@ class PidBank:
         dt: float,
     ) -> None:
         count = len(gains)
+        self._gains, self._dt = list(gains), dt
         self._state, self._indices = state, np.array(indices, np.intp)
         self._ctrl, self._actuators = ctrl, np.array(actuators, np.intp)
-        self._p, self._d_per_dt = _column(gains, "p"), _column(gains, "d") / dt
-        self._i_dt = _column(gains, "i") * dt
-        bounds = np.array(limits, float).reshape(count, 2)
-        self._u_min = np.maximum(_column(gains, "u_clamp_min"), bounds[:, 0])
-        self._u_max = np.maximum(np.minimum(_column(gains, "u_clamp_max"), bounds[:, 1]), self._u_min)
-        self._i_min, self._i_max = _column(gains, "i_clamp_min"), _column(gains, "i_clamp_max")
-        self._deadband = _column(gains, "error_deadband")
-        self._conditional = np.array([g.antiwindup_strategy == "conditional_integration" for g in gains], bool)
-        self._back_gain = np.array([_back_calculation(g) * dt for g in gains])
-        self._no_antiwindup = not (self._conditional.any() or self._back_gain.any() or self._deadband.any())
-        self._integrates = bool(self._i_dt.any())
-        self._integral_limited = bool(np.isfinite(self._i_min).any() or np.isfinite(self._i_max).any())
+        self._bounds = np.array(limits, float).reshape(count, 2)
+        self._integral = np.zeros(count)
+        self._read_gains()
         block = _contiguous(self._indices)
         self._in_place = None if block is None else state[block]
         self.setpoint = np.zeros(count)
         self._setpoints = float_view(self.setpoint)
-        self._integral = np.zeros(count)
         self._last = np.zeros(count)
         self._error, self._unlimited, self._derivative, self._outputs = (np.zeros(count) for _ in range(4))
         self._active = [False] * count
@@ -77,6 +68,11 @@ class PidBank:
             self._last[pid] = setpoint - self._state[self._indices[pid]]
             self._active[pid] = self._changed = True
             self.count += 1
+
+    def set_gains(self, pid: int, gains: PidGains) -> None:
+        """Changes the gains of a PID from the next step on; its integral stays, so that the output does not jump."""
+        self._gains[pid] = gains
+        self._read_gains()
 
     def stop(self, pid: int) -> None:
         """Stops a PID; its actuator keeps the control."""
@@ -116,6 +112,21 @@ class PidBank:
         if self._integrates:
             self._integrate()
         self._last, self._error = error, self._last
+
+    def _read_gains(self) -> None:
+        gains, dt, bounds = self._gains, self._dt, self._bounds
+        self._p, self._d_per_dt = _column(gains, "p"), _column(gains, "d") / dt
+        self._i_dt = _column(gains, "i") * dt
+        self._u_min = np.maximum(_column(gains, "u_clamp_min"), bounds[:, 0])
+        self._u_max = np.maximum(np.minimum(_column(gains, "u_clamp_max"), bounds[:, 1]), self._u_min)
+        self._i_min, self._i_max = _column(gains, "i_clamp_min"), _column(gains, "i_clamp_max")
+        self._deadband = _column(gains, "error_deadband")
+        self._conditional = np.array([g.antiwindup_strategy == "conditional_integration" for g in gains], bool)
+        self._back_gain = np.array([_back_calculation(g) * dt for g in gains])
+        self._no_antiwindup = not (self._conditional.any() or self._back_gain.any() or self._deadband.any())
+        # An integral from before the gain became zero still counts.
+        self._integrates = bool(self._i_dt.any() or self._integral.any())
+        self._integral_limited = bool(np.isfinite(self._i_min).any() or np.isfinite(self._i_max).any())
 
     def _integrate(self) -> None:
         error, integral = self._error, self._integral
