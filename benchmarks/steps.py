@@ -77,7 +77,7 @@ def _push(served: Server) -> None:
 
 def _drive(served: Server) -> None:
     """So slowly that the model does what it did."""
-    served.plugins["base_velocity"]._take(Twist(linear=Vector3(x=1e-6), angular=Vector3(z=1e-6)))
+    served.plugins["base_velocity"]._handle(Twist(linear=Vector3(x=1e-6), angular=Vector3(z=1e-6)))
 
 
 def results() -> list[Result]:

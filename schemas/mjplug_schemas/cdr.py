@@ -1,7 +1,7 @@
-"""CDR (XCDR version 1), byte for byte as Fast-CDR and rosbags write it: messages to bytes and back.
+"""Encodes and decodes messages in CDR (XCDR version 1), byte for byte like Fast-CDR and rosbags.
 
-A type is compiled on first use into a short plan of operations, one for each string, sequence or unbroken run of
-fixed-size fields, however deeply nested. Alignment counts from the end of the 4-byte header and is at most 8.
+On first use, a type is compiled into a short plan: a list of operations, one for each string, sequence or contiguous
+run of fixed-size fields, including nested ones. Alignment is relative to the end of the 4-byte header and at most 8.
 """
 
 from collections.abc import Callable, Iterator
@@ -24,25 +24,25 @@ M = TypeVar("M", bound=BaseModel)
 
 _LITTLE_ENDIAN = b"\0\1\0\0"
 _BYTE_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
-# Frozen models refuse plain assignment, and these are quicker than object.__setattr__.
+# Frozen models refuse normal assignment, and these setters are faster than object.__setattr__.
 _set_fields_set, _set_extra, _set_private = (
     vars(BaseModel)[name].__set__ for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__")
 )
-# Cyclone DDS pads messages with zeros to a multiple of 4. More is refused: it is a message of another type.
-_MOST_PADDING = 3
+# Cyclone DDS pads messages with zeros to a multiple of 4. More bytes indicate a message of another type.
+_MAX_PADDING = 3
 
 
 def encode(message: BaseModel) -> bytes:
-    """Returns a message in little-endian CDR, with its 4-byte header.
+    """Returns a message in little-endian CDR, including the 4-byte header.
 
     Raises:
-        CodecError: If a value does not fit its ROS type, which a validated message cannot hold.
+        CodecError: A value does not fit its ROS type; this cannot happen with a validated message.
     """
     return bytes(_encode(message))
 
 
 def encode_with_layout(message: BaseModel) -> tuple[bytearray, dict[str, Span]]:
-    """Returns a message in CDR with the place of each of its values, for writing new values over them.
+    """Returns a message in CDR and the position of each value, so that new values can be written in place.
 
     Returns:
         The buffer, and the span of each leaf by its path, such as `header.stamp.sec`, `position` (all elements of a
@@ -53,10 +53,10 @@ def encode_with_layout(message: BaseModel) -> tuple[bytearray, dict[str, Span]]:
 
 
 def decode(message: type[M], buffer: bytes | bytearray | memoryview) -> M:
-    """Returns the message of a given type that CDR bytes of either byte order hold.
+    """Returns the message of the given type that is encoded in CDR bytes of either byte order.
 
     Raises:
-        CodecError: If the bytes are truncated, too long, or hold what the type does not allow.
+        CodecError: The bytes are truncated, too long, or contain an invalid value.
     """
     source = buffer if type(buffer) is bytes else bytes(memoryview(buffer))
     order = _BYTE_ORDERS.get(source[:2])
@@ -72,7 +72,7 @@ def decode(message: type[M], buffer: bytes | bytearray | memoryview) -> M:
             at = operation.read(source, at, values)
     except Fault as fault:
         raise CodecError(f"{_name(message)}: {fault}") from None
-    if len(source) - at > _MOST_PADDING:
+    if len(source) - at > _MAX_PADDING:
         raise CodecError(f"{_name(message)}: the message ends at byte {at}, but {len(source) - at} more bytes follow")
     built: M = _builder(message)(iter(values))
     return built
@@ -86,7 +86,9 @@ def _encode(message: BaseModel) -> bytearray:
     except Fault as fault:
         raise CodecError(f"{_name(type(message))}: {fault}") from None
     except (TypeError, AttributeError, ValueError) as error:
-        raise CodecError(f"{_name(type(message))}: a value that was never validated does not fit: {error}") from error
+        raise CodecError(
+            f"{_name(type(message))}: a value that was not validated does not fit its type: {error}"
+        ) from error
     return out
 
 
@@ -124,7 +126,7 @@ def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operat
             if field.kind == "one":
                 yield from _steps(field.element, order, path + ".")
             else:
-                parts = Element(_plan(field.element, order), _builder(field.element), least_size(field.element))
+                parts = Element(_plan(field.element, order), _builder(field.element), min_size(field.element))
                 yield Structs(path, order, extent, parts)
         elif field.octets:
             yield Octets(path, order, extent)
@@ -139,20 +141,20 @@ def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operat
 
 
 @cache
-def least_size(message: type[BaseModel]) -> int:
-    """Returns how few bytes a message of this type can take, padding aside: what checks a claimed element count."""
+def min_size(message: type[BaseModel]) -> int:
+    """Returns the smallest size of a message of this type without padding [bytes], to check a claimed element count."""
     total = 0
     for field in fields(message):
-        element = (field.element.size or 4) if isinstance(field.element, Primitive) else least_size(field.element)
+        element = (field.element.size or 4) if isinstance(field.element, Primitive) else min_size(field.element)
         total += 4 if field.kind == "sequence" else element * (field.count or 1)
     return max(total, 1)
 
 
 @cache
 def _builder(message: type[BaseModel]) -> Callable[[Iterator[Any]], Any]:
-    """Returns a function that makes the message from its values in the order of the wire.
+    """Returns a function that builds the message from its values in wire order.
 
-    It skips validation: what the operations read is right by construction.
+    The function skips validation, because the operations return only valid values.
     """
     names = tuple(field.name for field in fields(message))
     inner = {
@@ -161,7 +163,7 @@ def _builder(message: type[BaseModel]) -> Callable[[Iterator[Any]], Any]:
         if field.kind == "one" and not isinstance(field.element, Primitive)
     }
     parts = [(name, inner.get(name, next)) for name in names]
-    # Shared by all instances: it is never changed, since messages are frozen and copies copy it.
+    # All instances share this set; it is never changed, because messages are frozen and copies copy it.
     fields_set = set(names)
 
     def build(values: Iterator[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""Where each value of an encoded message is, for writing new values into the buffer."""
+"""Finds the position of each value in an encoded message, so that new values can be written into the buffer."""
 
 import struct
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from mjplug_schemas.shape import Field, fields
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """The place of one value, or of all elements of a sequence or array of numbers.
+    """The position of one value, or of all elements of a sequence or array of numbers.
 
     Attributes:
-        offset: Where it starts, counted from the start of the buffer, 4-byte header included [bytes].
-        count: How many elements there are; for strings, how many bytes without the closing NUL.
-        primitive: The name of the element type, such as `float64`.
+        offset: Offset from the start of the buffer, including the 4-byte header [bytes].
+        count: Number of elements; for strings, number of bytes without the terminating NUL.
+        primitive: Name of the element type, such as `float64`.
     """
 
     offset: int
@@ -25,15 +25,15 @@ class Span:
 
 
 def spans(message: type[BaseModel], buffer: bytearray) -> dict[str, Span]:
-    """Returns the place of each value in a buffer that holds a little-endian message of this type."""
+    """Returns the position of each value, by path, in a buffer with a little-endian message of this type."""
     walk = _Walk(buffer)
     walk.message(message, "")
-    return walk.found
+    return walk.spans
 
 
 class _Walk:
     def __init__(self, buffer: bytearray) -> None:
-        self.found: dict[str, Span] = {}
+        self.spans: dict[str, Span] = {}
         self._buffer, self._at = buffer, 4
 
     def message(self, message: type[BaseModel], prefix: str) -> None:
@@ -61,13 +61,13 @@ class _Walk:
         else:
             count = self._count()
             wide = element.name == "wstring"
-            self.found[path] = Span(self._at, 2 * count if wide else count - 1, element.name)
+            self.spans[path] = Span(self._at, 2 * count if wide else count - 1, element.name)
             self._at += 2 * count if wide else count
 
     def _numbers(self, element: Primitive, count: int, path: str) -> None:
         if count:
             self._at += (4 - self._at) % element.size
-        self.found[path] = Span(self._at, count, element.name)
+        self.spans[path] = Span(self._at, count, element.name)
         self._at += count * element.size
 
     def _count(self) -> int:

@@ -1,7 +1,7 @@
-"""The operations that a CDR plan consists of; each writes and reads one part of a message.
+"""The operations of a CDR plan; each operation writes and reads one part of a message.
 
-`at` and `len(out)` count from the start of the buffer. The 4-byte header leaves alignment to 1, 2 and 4 as it is;
-alignment to 8 counts from its end.
+`at` and `len(out)` are offsets from the start of the buffer. The 4-byte header does not change the alignment to 1, 2
+and 4 bytes; alignment to 8 bytes is relative to the end of the header.
 """
 
 import reprlib
@@ -16,12 +16,12 @@ ZEROS = [bytes(n) for n in range(8)]
 
 
 class Fault(Exception):
-    """What is wrong with a value or with the bytes.
+    """An invalid value or invalid bytes.
 
     Args:
-        path: The field, seen from the message that is being read or written.
-        problem: What is wrong.
-        at: The offset in the buffer, if there is one [bytes].
+        path: Path of the field in the message that is read or written.
+        problem: Description of the problem.
+        at: Offset in the buffer [bytes]; None when writing.
     """
 
     def __init__(self, path: str, problem: str, at: int | None = None) -> None:
@@ -30,18 +30,18 @@ class Fault(Exception):
         self.path, self.problem, self.at = path, problem, at
 
     def within(self, outer: str) -> "Fault":
-        """Returns the fault as seen from the message that holds this one at `outer`."""
+        """Returns the fault with its path relative to the message that contains this one in the field `outer`."""
         return Fault(f"{outer}.{self.path}" if self.path else outer, self.problem, self.at)
 
 
 class Operation(Protocol):
-    """A part of a plan."""
+    """One operation of a plan."""
 
     def write(self, out: bytearray, message: Any) -> None:
         """Appends this part of the message."""
 
     def read(self, source: bytes, at: int, values: list[Any]) -> int:
-        """Appends the values found at an offset and returns the offset behind them."""
+        """Appends the values at an offset and returns the offset after them."""
 
 
 class Number(NamedTuple):
@@ -52,7 +52,7 @@ class Number(NamedTuple):
 
 
 class Run:
-    """Numbers in a row, across nested messages: one `struct` call, with the padding in its format."""
+    """A run of numbers, also across nested messages: one `struct` call with padding in its format."""
 
     def __init__(self, numbers: list[Number], order: str) -> None:
         self._numbers = tuple(numbers)
@@ -123,7 +123,7 @@ class Run:
 
 
 class Blank:
-    """The one zero byte of a message without fields."""
+    """The zero byte of a message without fields."""
 
     def __init__(self, path: str) -> None:
         self._path = path
@@ -160,13 +160,13 @@ class Text:
         self.write_one(out, self._get(message), self.path)
 
     def write_one(self, out: bytearray, text: str, path: str) -> None:
-        """Appends a string with the padding it needs."""
+        """Appends a string with its padding."""
         try:
             raw = text.encode(self._encoding)
         except UnicodeEncodeError:
-            raise Fault(path, f"{reprlib.repr(text)} has lone surrogates, which no encoding has") from None
+            raise Fault(path, f"{reprlib.repr(text)} contains lone surrogates, which cannot be encoded") from None
         if "\0" in text:
-            raise Fault(path, f"{reprlib.repr(text)} contains NUL, which ends a string")
+            raise Fault(path, f"{reprlib.repr(text)} contains NUL, which terminates a string")
         if self._bound and len(text.encode()) > self._bound:
             raise Fault(path, f"expected at most {self._bound} bytes of UTF-8, got {len(text.encode())}")
         if self._wide:
@@ -181,7 +181,7 @@ class Text:
         return at
 
     def read_one(self, source: bytes, at: int, path: str) -> tuple[str, int]:
-        """Returns the string at an offset, and the offset behind it."""
+        """Returns the string at an offset, and the offset after it."""
         at += -at & 3
         try:
             (length,) = self._length.unpack_from(source, at)
@@ -205,14 +205,14 @@ class Text:
                 at + error.start,
             ) from None
         if "\0" in text:
-            raise Fault(path, "expected a string without NUL inside", at)
+            raise Fault(path, "expected a string without NUL", at)
         if self._bound and len(raw) > self._bound:
             raise Fault(path, f"expected at most {self._bound} bytes of UTF-8, got {len(raw)}", at)
         return text, end
 
 
 def shortage(path: str, at: int, expected: str, size: int, source: bytes) -> Fault:
-    """Returns the fault for bytes that end too early."""
+    """Returns the fault for truncated bytes."""
     left = max(0, len(source) - at)
     return Fault(path, f"expected {expected}, {_bytes(size)} or more, but {_bytes(left)} remain", at)
 

@@ -1,4 +1,4 @@
-"""The operations of a CDR plan that have a number of elements: sequences and arrays."""
+"""The operations of a CDR plan for sequences and arrays."""
 
 import struct
 from collections.abc import Callable, Iterator
@@ -10,11 +10,11 @@ from mjplug_schemas.idl import Primitive
 
 
 class Extent(NamedTuple):
-    """How many elements there may be.
+    """The allowed number of elements.
 
     Attributes:
-        length: The length of an array; None for a sequence, which has its count on the wire.
-        bound: The bound of a sequence; 0 for none.
+        length: Length of an array; None for a sequence, whose count is transmitted.
+        bound: Bound of a sequence; 0: unbounded.
     """
 
     length: int | None
@@ -25,23 +25,23 @@ class Element(NamedTuple):
     """The type of the messages in a sequence or array.
 
     Attributes:
-        plan: What writes and reads one.
-        build: Makes one of the values that `plan` read.
-        least_size: How few bytes one can take.
+        plan: Operations that write and read one element.
+        build: Builds one element from the values that `plan` reads.
+        min_size: Smallest size of one element [bytes].
     """
 
     plan: tuple[Operation, ...]
     build: Callable[[Iterator[Any]], Any]
-    least_size: int
+    min_size: int
 
 
 class Counted:
-    """What sequences and arrays have in common: how many elements there are.
+    """Base class of sequences and arrays; writes and reads the number of elements.
 
     Args:
-        path: The field.
+        path: Path of the field.
         order: The byte order, `<` or `>`.
-        extent: How many elements there may be.
+        extent: Allowed number of elements.
     """
 
     def __init__(self, path: str, order: str, extent: Extent) -> None:
@@ -136,7 +136,7 @@ class Octets(Counted):
 
 
 class Texts(Counted):
-    """A sequence or array of strings; plain ones are converted all at once, the others one by one."""
+    """A sequence or array of strings; unbounded UTF-8 strings are converted all at once, the others one by one."""
 
     def __init__(self, path: str, order: str, extent: Extent, text: Text) -> None:
         super().__init__(path, order, extent)
@@ -158,7 +158,7 @@ class Texts(Counted):
             out += pack(size + 1)
             out += raw
             out += ZEROS[4 - (size & 3)]
-        # Nothing needs the padding behind the last string; its NUL stays.
+        # The padding after the last string is not needed; its NUL stays.
         del out[len(out) - (3 - (size & 3)) :]
 
     def _encoded(self, texts: tuple[str, ...]) -> list[bytes] | None:
@@ -175,8 +175,8 @@ class Texts(Counted):
         count, at = self._read_count(source, at)
         if count * 4 > len(source) - at:
             raise shortage(self._path, at, f"{count} strings", count * 4, source)
-        if count and not self._text.special and (found := self._decoded(source, at, count)):
-            texts, at = found
+        if count and not self._text.special and (decoded := self._decoded(source, at, count)):
+            texts, at = decoded
         else:
             texts = []
             for i in range(count):
@@ -198,7 +198,7 @@ class Texts(Counted):
             texts = b"".join(raws).decode().split("\0")
         except (struct.error, UnicodeDecodeError):
             return None
-        # Behind the last NUL there is nothing; any other number of parts means a NUL inside, or none at all.
+        # The part after the last NUL is empty. Another number of parts means a missing or additional NUL.
         return (texts[:-1], end) if len(texts) == count + 1 else None
 
 
@@ -207,7 +207,7 @@ class Structs(Counted):
 
     def __init__(self, path: str, order: str, extent: Extent, element: Element) -> None:
         super().__init__(path, order, extent)
-        self._plan, self._build, self._least_size = element
+        self._plan, self._build, self._min_size = element
 
     def write(self, out: bytearray, message: Any) -> None:
         """Appends the messages."""
@@ -223,8 +223,8 @@ class Structs(Counted):
     def read(self, source: bytes, at: int, values: list[Any]) -> int:
         """Reads the messages."""
         count, at = self._read_count(source, at)
-        if count * self._least_size > len(source) - at:
-            raise shortage(self._path, at, f"{count} elements", count * self._least_size, source)
+        if count * self._min_size > len(source) - at:
+            raise shortage(self._path, at, f"{count} elements", count * self._min_size, source)
         parts: list[Any] = []
         for i in range(count):
             try:

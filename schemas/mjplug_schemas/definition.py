@@ -1,4 +1,4 @@
-"""The text of an interface as ROS keeps it in `.msg` and `.srv` files."""
+"""Writes the definition of an interface in the format of ROS's `.msg` and `.srv` files."""
 
 import json
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from mjplug_schemas.shape import Field, fields
 
 
 def definition(interface: type[Message] | type[Service]) -> str:
-    """Returns the text of a message or service, with its constants, default values and descriptions."""
+    """Returns the definition of a message or service, with constants, default values and descriptions."""
     if issubclass(interface, Service):
         request, response = (_body(part) for part in (interface.Request, interface.Response))
         return f"{_heading(interface)}{request}---\n{response}"
@@ -20,7 +20,7 @@ def definition(interface: type[Message] | type[Service]) -> str:
 
 
 def constants(message: type[Message]) -> Iterator[tuple[str, Primitive, Any]]:
-    """Yields name, type and value of each constant of a message, in their order."""
+    """Yields name, type and value of each constant of a message, in the order of definition."""
     for name, annotation in get_type_hints(message, include_extras=True).items():
         if get_origin(annotation) is not ClassVar or name not in vars(message):
             continue
@@ -56,7 +56,7 @@ def _type(field: Field) -> str:
 
 
 def _default(field: Field, value: Any) -> str:
-    """Returns the default with a space before it, or nothing where it is ROS's own zero."""
+    """Returns the default value with a leading space; empty if it is ROS's zero value."""
     if not isinstance(field.element, Primitive):
         return ""
     if field.kind == "one":
@@ -75,7 +75,7 @@ def _literal(value: Any) -> str:
 
 
 def _heading(interface: type) -> str:
-    # The blank line tells ROS's tools that this is about the whole interface, not about its first field.
+    # With the blank line, ROS's tools assign the comment to the interface, not to its first field.
     return f"{_comment(interface.__doc__)}\n" if interface.__doc__ else ""
 
 

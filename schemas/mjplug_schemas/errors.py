@@ -1,4 +1,4 @@
-"""What can go wrong with a message, a type name or a ROS name."""
+"""Errors about messages, type names and ROS names."""
 
 import difflib
 from collections.abc import Iterable
@@ -8,15 +8,15 @@ _LONGEST = 200
 
 
 class SchemaError(ValueError):
-    """Root of every error that mjplug_schemas raises on purpose."""
+    """Base class of all errors that mjplug_schemas raises."""
 
 
 class CodecError(SchemaError):
-    """Bytes that are not the message they should be, or a message that cannot be written; one sentence says where."""
+    """Bytes that are not a valid message, or a message that cannot be encoded; the text names the field."""
 
 
 class DefinitionError(SchemaError):
-    """A message or service class that no ROS interface definition could describe."""
+    """A message or service class that cannot be written as a ROS interface definition."""
 
 
 class NameRuleError(SchemaError):
@@ -24,11 +24,11 @@ class NameRuleError(SchemaError):
 
 
 class UnknownType(SchemaError, KeyError):
-    """A ROS type that no module here defines.
+    """A ROS type that is not defined.
 
     Args:
-        name: The type that was asked for.
-        known: The types there are.
+        name: The requested type.
+        known: The defined types.
     """
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
@@ -36,7 +36,7 @@ class UnknownType(SchemaError, KeyError):
         packages = sorted({type_name.split("/")[0] for type_name in known})
         super().__init__(f"unknown type {name!r}{_meant(name, known)}; known packages: {', '.join(packages)}")
 
-    # KeyError would show the sentence in quotes.
+    # KeyError would show the text in quotes.
     __str__ = Exception.__str__
 
 

@@ -1,4 +1,4 @@
-"""The sentence for JSON that is not the message it should be."""
+"""The error message for JSON that is not a valid message."""
 
 import json
 from typing import Any
@@ -9,10 +9,10 @@ from mjplug_schemas.errors import CodecError, did_you_mean
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.shape import fields
 
-_MOST_SHOWN = 5
-# Collecting the details of more errors than this takes longer than anybody would read; only a flood of unknown fields
-# makes so many, since sequences report their first error only.
-_MOST_COLLECTED = 1000
+_MAX_SHOWN = 5
+# Collecting the details of more errors takes too long. Only a large number of unknown fields causes so many errors,
+# because sequences report their first error only.
+_MAX_COLLECTED = 1000
 _RULES = {
     "tuple_type": "must be a list",
     "model_type": "must be an object",
@@ -21,14 +21,14 @@ _RULES = {
 
 
 def json_error(message: type[BaseModel], error: ValidationError) -> CodecError:
-    """Returns the error to raise for JSON that pydantic refused: the first few problems, in a bounded length."""
+    """Returns the error for JSON that pydantic refused, with the first few problems and a limited length."""
     count = error.error_count()
-    if count > _MOST_COLLECTED:
+    if count > _MAX_COLLECTED:
         text = f"{count} errors, most of them unknown fields{_known(message)}"
     else:
         problems = error.errors(include_url=False)
-        text = "; ".join(_problem(message, problem) for problem in problems[:_MOST_SHOWN])
-        text += f"; and {count - _MOST_SHOWN} more errors" if count > _MOST_SHOWN else ""
+        text = "; ".join(_problem(message, problem) for problem in problems[:_MAX_SHOWN])
+        text += f"; and {count - _MAX_SHOWN} more errors" if count > _MAX_SHOWN else ""
     return CodecError(f"{getattr(message, 'TYPE', message.__name__)}: {text}")
 
 
@@ -37,7 +37,7 @@ def _problem(message: type[BaseModel], problem: Any) -> str:
     if kind == "extra_forbidden":
         return _unknown_field(message, path)
     if kind == "json_invalid":
-        return f"not valid JSON: {problem['ctx']['error']}" if value else "not valid JSON: there is nothing"
+        return f"not valid JSON: {problem['ctx']['error']}" if value else "not valid JSON: the text is empty"
     where = _cut(_join(path), 200) or "the message"
     rule = _RULES.get(kind, problem["msg"])
     return f"{where} {rule}" if kind == "ros_part" else f"{where} {rule}, got {_shown(value)}"
@@ -55,7 +55,7 @@ def _unknown_field(message: type[BaseModel], path: tuple[int | str, ...]) -> str
 
 def _known(message: type[BaseModel]) -> str:
     names = [field.name for field in fields(message)]
-    return f"; known: {', '.join(names)}" if names else "; there are no fields"
+    return f"; known: {', '.join(names)}" if names else "; the type has no fields"
 
 
 def _join(path: tuple[int | str, ...]) -> str:
@@ -63,12 +63,12 @@ def _join(path: tuple[int | str, ...]) -> str:
     return text.removeprefix(".")
 
 
-def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+def _cut(text: str, max_length: int) -> str:
+    return text if len(text) <= max_length else f"{text[: max_length - 1]}…"
 
 
 def _shown(value: Any) -> str:
-    """Returns a value as JSON writes it, long ones cut, containers by their size."""
+    """Returns a value as JSON text; long texts are cut, and containers are described by their size."""
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list):

@@ -1,6 +1,6 @@
-"""The ROS 2 interface language as Python annotations: primitive types, sequences, arrays and bounds.
+"""ROS 2 interface definitions as Python annotations: primitive types, sequences, arrays and bounds.
 
-| in a `.msg` file | as an annotation |
+| `.msg` file | Annotation |
 |---|---|
 | `float64 x` | `x: float64` |
 | `string<=16 s` | `s: Annotated[string, AtMost(16)]` |
@@ -9,8 +9,8 @@
 | `float64[36] a` | `a: Annotated[sequence[float64], Exactly(36)]` |
 | `uint8[] d`, `byte[] d`, `char[] d` | `d: uint8_sequence`, `byte_sequence`, `char_sequence` |
 
-Sequences are tuples, and the three kinds of one-byte sequence are `bytes`. Numpy scalars and arrays are accepted where
-numbers are. Values are never coerced: `"5"` and `true` are not numbers, 1.0 is not an integer.
+Sequences are tuples, and the three types of one-byte sequences are `bytes`. Numpy scalars and arrays are accepted as
+numbers. Values are not converted: `"5"` and `true` are not numbers, 1.0 is not an integer.
 """
 
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """One of ROS's primitive types; as an annotation, it validates.
+    """A primitive type of ROS; as an annotation, it validates values.
 
     Attributes:
-        name: Its name in a `.msg` file.
-        code: Its `struct` code; empty for strings.
-        size: Its size and alignment in CDR [bytes]; 0 for strings.
-        hash_id: Its type id in a type description (REP-2016).
+        name: Name in a `.msg` file.
+        code: Code in the module `struct`; empty for strings.
+        size: Size and alignment in CDR [bytes]; 0 for strings.
+        hash_id: Type id in a type description (REP-2016).
     """
 
     name: str
@@ -42,7 +42,7 @@ class Primitive:
 
     @property
     def limits(self) -> tuple[int, int]:
-        """The least and the greatest value of an integer type."""
+        """The smallest and the largest value of an integer type."""
         if self.code.isupper():
             return 0, 2 ** (8 * self.size) - 1
         return -(2 ** (8 * self.size - 1)), 2 ** (8 * self.size - 1) - 1
@@ -79,7 +79,7 @@ class Sequence:
 
 @dataclass(frozen=True, slots=True)
 class AtMost:
-    """An upper bound: bytes of UTF-8 in a string, elements in a sequence."""
+    """An upper bound: number of UTF-8 bytes of a string, or number of elements of a sequence."""
 
     count: int
 
@@ -89,7 +89,7 @@ class AtMost:
 
 @dataclass(frozen=True, slots=True)
 class Exactly:
-    """Makes a sequence an array: always this many elements, and no count on the wire."""
+    """Makes a sequence an array with a fixed number of elements, whose count is not transmitted."""
 
     count: int
 
@@ -99,7 +99,7 @@ class Exactly:
 
 BOOL = Primitive("bool", "?", 1, 15)
 BYTE = Primitive("byte", "B", 1, 16)
-# ROS 2's char is an unsigned octet, and shares uint8's type id.
+# In ROS 2, char is an unsigned byte with the type id of uint8.
 CHAR = Primitive("char", "B", 1, 3)
 INT8 = Primitive("int8", "b", 1, 2)
 UINT8 = Primitive("uint8", "B", 1, 3)

@@ -1,4 +1,4 @@
-"""The base classes of every message and every service."""
+"""The base classes of messages and services."""
 
 from typing import Any, ClassVar, Self
 
@@ -9,10 +9,10 @@ from mjplug_schemas.errors import DefinitionError
 
 
 class Message(BaseModel):
-    """A ROS 2 message: a frozen record of fields in their order on the wire, each with ROS's initial value.
+    """A ROS 2 message: an immutable record with fields in wire order, each with ROS's default value.
 
-    The ROS package is the name of the module that holds the class; a class elsewhere names it:
-    `class Grip(Message, package="my_msgs")`. Every field needs a default. Constants are class variables, as in
+    The ROS package is the name of the module that contains the class, unless the class sets it:
+    `class Grip(Message, package="my_msgs")`. Every field needs a default value. Constants are class variables, as in
     `OPEN: ClassVar[uint8] = 1`.
 
     Attributes:
@@ -38,32 +38,32 @@ class Message(BaseModel):
         shape.check(cls)
 
     def to_cdr(self) -> bytes:
-        """Returns the message in CDR, little endian, with its 4-byte header.
+        """Returns the message in little-endian CDR, including the 4-byte header.
 
         Raises:
-            CodecError: If a value that skipped validation (`model_construct`) does not fit its ROS type.
+            CodecError: A value that was not validated (`model_construct`) does not fit its ROS type.
         """
         return cdr.encode(self)
 
     @classmethod
     def from_cdr(cls, buffer: bytes | bytearray | memoryview) -> Self:
-        """Returns the message that CDR bytes of either byte order hold.
+        """Returns the message that is encoded in CDR bytes of either byte order.
 
         Raises:
-            CodecError: If the bytes are anything else; the sentence names the field and its offset.
+            CodecError: The bytes are not a valid message; the text names the field and its offset.
         """
         return cdr.decode(cls, buffer)
 
     def to_json(self) -> bytes:
-        """Returns the message as JSON in UTF-8; NaN and infinities are texts, `"NaN"`, `"Infinity"`, `"-Infinity"`."""
+        """Returns the message as UTF-8 JSON; NaN and infinities are the texts `"NaN"`, `"Infinity"`, `"-Infinity"`."""
         return self.__pydantic_serializer__.to_json(self)
 
     @classmethod
     def from_json(cls, buffer: bytes | bytearray | memoryview | str) -> Self:
-        """Returns the message that JSON text holds; fields left out have their initial values.
+        """Returns the message that is encoded in JSON; missing fields have their default values.
 
         Raises:
-            CodecError: If the text is anything else; the sentence names the field, its value and what is allowed.
+            CodecError: The JSON is not a valid message; the text names the field, its value and the allowed values.
         """
         try:
             return cls.model_validate_json(bytes(buffer) if isinstance(buffer, memoryview) else buffer)
@@ -72,7 +72,7 @@ class Message(BaseModel):
 
 
 class Service:
-    """A ROS 2 service: a name for two messages, written as nested classes `Request` and `Response`.
+    """A ROS 2 service with two messages, the nested classes `Request` and `Response`.
 
     Attributes:
         TYPE: The ROS type name, such as `std_srvs/srv/Trigger`; the messages are `…_Request` and `…_Response`.

@@ -51,7 +51,7 @@ def find(name: str) -> type[Message] | type[Service]:
     """Returns the class of a ROS type, such as `std_msgs/msg/String`, `std_srvs/srv/Trigger` or `…/Trigger_Request`.
 
     Raises:
-        UnknownType: If there is none; the sentence says what may have been meant.
+        UnknownType: The type is not defined; the text suggests a similar name.
     """
     types = all_types()
     if name in types:
@@ -69,10 +69,10 @@ def all_types() -> MappingProxyType[str, type[Message] | type[Service]]:
 
 
 def add(interface: type[Message] | type[Service]) -> None:
-    """Makes a type from outside this package findable.
+    """Adds a type from outside this package to the registry.
 
     Raises:
-        DefinitionError: If another class already has its name.
+        DefinitionError: Another class already has the same type name.
     """
     if all_types().get(interface.TYPE, interface) is not interface:
         raise DefinitionError(f"{interface.TYPE} is already defined by {find(interface.TYPE).__module__}")
@@ -81,9 +81,9 @@ def add(interface: type[Message] | type[Service]) -> None:
 
 @cache
 def _bundled() -> dict[str, type[Message] | type[Service]]:
-    found: dict[str, type[Message] | type[Service]] = {}
+    types: dict[str, type[Message] | type[Service]] = {}
     for package in _PACKAGES:
         for _, interface in inspect.getmembers(package, inspect.isclass):
             if issubclass(interface, Message | Service) and interface.__module__ == package.__name__:
-                found[interface.TYPE] = interface
-    return found
+                types[interface.TYPE] = interface
+    return types

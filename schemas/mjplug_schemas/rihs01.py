@@ -1,4 +1,4 @@
-"""Type hashes (RIHS01, of REP-2016): what tells ROS nodes that both ends mean the same type."""
+"""Type hashes (RIHS01, REP-2016), by which ROS nodes check that both sides use the same type definition."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ from mjplug_schemas.service_msgs import ServiceEventInfo
 from mjplug_schemas.shape import Field, fields, nested
 
 _NESTED = 1
-# What is added to a type id for its bounded, array and sequence forms.
+# Offsets that are added to a type id for bounded strings, arrays and sequences.
 _BOUNDED_TEXT = 4
 _ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
 
@@ -27,9 +27,9 @@ def type_hash(interface: type[Message] | type[Service]) -> str:
 
 
 def type_description(interface: type[Message] | type[Service]) -> dict[str, Any]:
-    """Returns the description that is hashed: the type itself and every type it refers to.
+    """Returns the type description that is hashed: the type and all types that it refers to.
 
-    Default values and constants are no part of it.
+    It does not contain default values and constants.
     """
     if issubclass(interface, Service):
         own, parts = _service(interface)
@@ -61,7 +61,7 @@ def _service(service: type[Service]) -> tuple[dict[str, Any], dict[str, dict[str
             _field("event_message", _NESTED, nested=event),
         ],
     )
-    of_event = _type(
+    event_type = _type(
         event,
         [
             _field("info", _NESTED, nested=ServiceEventInfo.TYPE),
@@ -69,12 +69,12 @@ def _service(service: type[Service]) -> tuple[dict[str, Any], dict[str, dict[str
             _field("response", _BOUNDED_SEQUENCE + _NESTED, capacity=1, nested=response),
         ],
     )
-    return own, {event: of_event}
+    return own, {event: event_type}
 
 
 def _message(message: type[BaseModel]) -> dict[str, Any]:
     described = [_described(field) for field in fields(message)]
-    # ROS gives a message without fields this one, for languages that have no empty records.
+    # ROS adds this field to a message without fields, because some languages have no empty structures.
     return _type(_name(message), described or [_field("structure_needs_at_least_one_member", 3)])
 
 

@@ -1,4 +1,4 @@
-"""The shape of a message: what each field is in ROS's terms, read from the pydantic model."""
+"""The ROS types of a message's fields, read from the pydantic model."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ class Field:
 
     Attributes:
         name: Its name.
-        element: Its type, or the type of its elements.
-        kind: Whether it is one element, a fixed array of them or a sequence.
-        count: The length of an array, the bound of a sequence (0: unbounded), otherwise 0.
-        text_bound: The bound of a string in bytes (0: unbounded).
+        element: Type of the field or of its elements.
+        kind: Whether it is a single element, an array or a sequence.
+        count: Length of an array, or bound of a sequence (0: unbounded), otherwise 0.
+        text_bound: Bound of a string [bytes]; 0: unbounded.
         octets: Whether the Python value is `bytes`.
     """
 
@@ -37,24 +37,26 @@ class Field:
 
 @cache
 def fields(message: type[BaseModel]) -> tuple[Field, ...]:
-    """Returns the fields of a message type, in their order.
+    """Returns the fields of a message type, in the order of definition.
 
     Raises:
-        DefinitionError: If a field is annotated with something that ROS has no word for.
+        DefinitionError: The annotation of a field has no ROS type.
     """
     return tuple(_field(message, name, info.annotation, info.metadata) for name, info in message.model_fields.items())
 
 
 def check(message: type[BaseModel]) -> None:
-    """Checks a message class when it is defined: that ROS has words for it, and that each default is what it should be.
+    """Checks a message class when it is defined: the annotations must have ROS types, and the defaults must be valid.
 
     Raises:
-        DefinitionError: If it is not so; the sentence names the field.
+        DefinitionError: A field is invalid; the text names it.
     """
     for field in fields(message):
         default = message.model_fields[field.name].get_default(call_default_factory=True)
         if default is PydanticUndefined:
-            raise DefinitionError(f"{message.__name__}.{field.name} needs a default, as all fields in ROS have one")
+            raise DefinitionError(
+                f"{message.__name__}.{field.name} needs a default value, because every ROS field has one"
+            )
         try:
             validated = getattr(message.model_validate({field.name: default}), field.name)
         except ValidationError as error:
@@ -66,7 +68,7 @@ def check(message: type[BaseModel]) -> None:
 
 
 def nested(message: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    """Yields the types that a message's fields refer to directly, each as often as it is used."""
+    """Yields the message types of a message's fields, each as often as it is used."""
     for field in fields(message):
         if not isinstance(field.element, Primitive):
             yield field.element
@@ -92,11 +94,11 @@ def _element(
     if primitive := next((mark for mark in metadata if isinstance(mark, Primitive)), None):
         bound = next((mark.count for mark in metadata if isinstance(mark, AtMost)), 0)
         if bound and primitive is not STRING:
-            raise DefinitionError(f"{message.__name__}.{name}: only a string and a sequence can have a bound")
+            raise DefinitionError(f"{message.__name__}.{name}: only strings and sequences can have a bound")
         return primitive, *kind, bound, False
     if get_origin(annotation) is None and isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, *kind, 0, False
     raise DefinitionError(
-        f"{message.__name__}.{name} is annotated {annotation}, which ROS has no word for; "
-        "use the types of mjplug_schemas.idl, other messages, or a sequence of either"
+        f"{message.__name__}.{name} has the annotation {annotation}, which has no ROS type; "
+        "use types of mjplug_schemas.idl, other messages, or sequences of them"
     )

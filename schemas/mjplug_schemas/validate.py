@@ -1,7 +1,7 @@
 """Validation of ROS values: the pydantic-core schemas behind the annotations in `mjplug_schemas.idl`.
 
-Whatever is wrong with a value, its schema reports one error, whose message says what would have been right. Errors of
-type `ros` are about the value, which a sentence should show; those of type `ros_part` name the bad part themselves.
+For an invalid value, a schema reports one error whose message says what is allowed. Errors of type `ros` are about the
+whole value, which the caller adds to the text; errors of type `ros_part` already name the invalid part.
 """
 
 import base64
@@ -21,8 +21,8 @@ def _must(rule: str, of_part: bool = False) -> PydanticCustomError:
     return PydanticCustomError("ros_part" if of_part else "ros", "must {rule}", {"rule": rule})
 
 
-def _or_say(schema: CoreSchema, expected: str) -> CoreSchema:
-    """Replaces whatever errors a schema has by the one sentence."""
+def _with_rule(schema: CoreSchema, expected: str) -> CoreSchema:
+    """Returns the schema with a single error message for all its errors."""
     context = {"rule": f"be {expected}"}
     return core_schema.custom_error_schema(
         schema, custom_error_type="ros", custom_error_message="must {rule}", custom_error_context=context
@@ -34,10 +34,10 @@ def _article(name: str) -> str:
 
 
 def scalar(name: str, meaning: str, schema: CoreSchema) -> CoreSchema:
-    """Returns the schema of a number: JSON by `schema`; in Python, numpy's scalars besides."""
+    """Returns the schema of a number: `schema` for JSON; for Python values, numpy scalars are accepted too."""
     unwrapped = core_schema.no_info_before_validator_function(_item, schema)
     python = core_schema.union_schema([schema, unwrapped], mode="left_to_right")
-    return _or_say(core_schema.json_or_python_schema(schema, python), f"{_article(name)} ({meaning})")
+    return _with_rule(core_schema.json_or_python_schema(schema, python), f"{_article(name)} ({meaning})")
 
 
 def _item(value: Any) -> Any:
@@ -45,10 +45,10 @@ def _item(value: Any) -> Any:
 
 
 def number() -> CoreSchema:
-    """Returns the schema of a floating-point number; JSON has words for those that it cannot write as numbers.
+    """Returns the schema of a floating-point number; in JSON, texts represent NaN and infinities.
 
-    They are those of protobuf's JSON mapping (https://protobuf.dev/programming-guides/json/). The bare `NaN` and
-    `Infinity` that Python writes are read too.
+    The texts are those of protobuf's JSON mapping (https://protobuf.dev/programming-guides/json/). The unquoted `NaN`
+    and `Infinity` that Python writes are accepted too.
     """
     plain = core_schema.float_schema(strict=True)
     words = core_schema.no_info_after_validator_function(
@@ -62,7 +62,7 @@ def number() -> CoreSchema:
 
 
 def float32() -> CoreSchema:
-    """Returns the schema of a float32: rounded to single precision, so a message equals itself after the wire."""
+    """Returns the schema of a float32; values are rounded, so that a message does not change when it is transmitted."""
     schema = core_schema.no_info_after_validator_function(_round, number())
     return scalar("float32", "a number no larger than 3.4028235e38", schema)
 
@@ -75,7 +75,7 @@ def _round(value: float) -> float:
 
 
 def float32_sequence() -> CoreSchema:
-    """Returns the schema of a sequence of float32, rounded in one go."""
+    """Returns the schema of a sequence of float32; all values are rounded at once."""
     numbers = scalar("float32", "a number no larger than 3.4028235e38", number())
     return core_schema.no_info_after_validator_function(_round_all, sequence(numbers))
 
@@ -87,13 +87,13 @@ def _round_all(values: tuple[float, ...]) -> tuple[float, ...]:
     except OverflowError:
         index = next(i for i, value in enumerate(values) if value - value == 0 and abs(value) >= 3.4028235677973366e38)
         raise _must(
-            f"hold numbers no larger than 3.4028235e38, but element {index} is {values[index]!r}", True
+            f"contain numbers no larger than 3.4028235e38, but element {index} is {values[index]!r}", True
         ) from None
 
 
 def sequence(item: CoreSchema) -> CoreSchema:
-    """Returns the schema of a tuple of `item`; numpy arrays (and whatever else has `tolist`) are taken apart."""
-    # One error per sequence is enough: a million of them would take longer to collect than to send.
+    """Returns the schema of a tuple of `item`; numpy arrays and other objects with `tolist` are accepted."""
+    # One error per sequence is enough; collecting a million errors would take too long.
     items = core_schema.tuple_schema([item], variadic_item_index=0, fail_fast=True)
     python = core_schema.no_info_before_validator_function(_list, items)
     return core_schema.json_or_python_schema(items, python)
@@ -104,15 +104,15 @@ def _list(value: Any) -> Any:
 
 
 def text(name: str) -> CoreSchema:
-    """Returns the schema of a string: no NUL, which ends a string on the wire, and nothing that UTF-8 cannot say."""
+    """Returns the schema of a string without NUL, which terminates a string in CDR, and without lone surrogates."""
     schema = core_schema.str_schema(strict=True, pattern=r"^[^\x00]*\z")
-    # The pattern is how it is checked, not something a form or a client should be shown.
+    # The pattern is an implementation detail, so the JSON schema does not contain it.
     schema["metadata"] = {"pydantic_js_functions": [lambda _schema, _handler: {"type": "string"}]}
-    return _or_say(schema, f"{_article(name)} (text without NUL or lone surrogates)")
+    return _with_rule(schema, f"{_article(name)} (text without NUL or lone surrogates)")
 
 
 def octets(name: str) -> CoreSchema:
-    """Returns the schema of `bytes`, which JSON writes as base64 (as in data URLs) or as a list of numbers."""
+    """Returns the schema of `bytes`; JSON contains base64 (as in data URLs) or a list of numbers."""
     integer = {"type": "integer", "minimum": 0, "maximum": 255}
     shown = {"anyOf": [{"type": "string", "contentEncoding": "base64"}, {"type": "array", "items": integer}]}
 
@@ -141,12 +141,12 @@ def _octets(value: Any, name: str, from_json: bool) -> bytes:
         raise _must(f"be {form} or a list of {name} values (integers from 0 to 255)")
     for index, octet in enumerate(values):
         if type(octet) is not int or not 0 <= octet <= 255:
-            raise _must(f"hold integers from 0 to 255, but element {index} is {reprlib.repr(octet)}", True)
+            raise _must(f"contain integers from 0 to 255, but element {index} is {reprlib.repr(octet)}", True)
     return bytes(values)
 
 
 def _unsigned_octets(value: Any) -> bytes | None:
-    # An image as a numpy array is a million elements: they are not to be looked at one by one.
+    # An image as a numpy array has a million elements, so they are not checked one by one.
     try:
         view = memoryview(value)
     except TypeError:
@@ -159,7 +159,7 @@ def _base64(value: bytes) -> str:
 
 
 def bounded(schema: CoreSchema, low: int, high: int) -> CoreSchema:
-    """Returns the schema with a number of elements (for strings: bytes of UTF-8) from `low` to `high`."""
+    """Returns the schema with the number of elements (for strings: UTF-8 bytes) limited to `low` … `high`."""
     count = f"exactly {high}" if low == high else f"at most {high}"
 
     def check(value: Any) -> Any:

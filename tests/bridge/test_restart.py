@@ -39,7 +39,7 @@ def test_the_bridge_waits_for_the_server_and_survives_its_death(ros, serve, brid
 
 def test_what_a_server_declares_later_is_mapped_too(ros, bridge, sim):
     own = bridge(sim.endpoint)
-    own.wait_for("/sim is there")
+    own.wait_for("found /sim")
     for name, sentence in (("/go", "gone"), ("/stop", "stopped")):
         sim.responses[name] = Trigger.Response(success=True, message=sentence)
         sim.open_service(name)
@@ -53,10 +53,10 @@ def test_calls_that_wait_fail_when_the_server_has_no_token_any_more(ros, bridge,
     ros.until(lambda: sim.waiting == 1)
     sim.disappear()
     response = waiting.get()
-    assert (response.success, response.message) == (False, "/sim is gone")
+    assert (response.success, response.message) == (False, "/sim stopped or cannot be reached")
     ready = ros.is_ready("/own/go", "std_srvs/srv/Trigger")
     ros.until(lambda: not ready())
-    own.wait_for("ERROR.*/own/go: /sim is gone")
+    own.wait_for("ERROR.*/own/go: /sim stopped or cannot be reached")
 
 
 def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ros, bridge, sim):
@@ -68,7 +68,7 @@ def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ro
     answers = [b"nonsense", json.dumps(listing).encode()]
     with Client(sim.endpoint) as late:
         token = late.session.liveliness().declare_token("@mjplug/late/1")
-        own.wait_for("/late is there")
+        own.wait_for("found /late")
         queryable = late.session.declare_queryable("late/interfaces", lambda query: reply(query, answers.pop(0)))
         own.wait_for("ERROR.*/late: the list of interfaces cannot be read")
         late.put("late/interfaces", b"")
@@ -79,7 +79,7 @@ def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ro
         late.put("late/interfaces", b"")
         ros.until(lambda: not ready())
         token.undeclare()
-        own.wait_for("/late is gone")
+        own.wait_for("/late stopped or cannot be reached")
         queryable.undeclare()
     assert answers == []
 
@@ -98,10 +98,10 @@ def test_when_a_server_goes_another_one_gets_the_names_that_it_had(ros, bridge, 
             late.session.declare_queryable("late/go", lambda query: reply(query, response)),
         ]
         token = late.session.liveliness().declare_token("@mjplug/late/1")
-        own.wait_for("/own/go .* is not mapped: that of another server has the name")
+        own.wait_for("/own/go .* is not mapped: another server uses the same name")
         assert ros.call("/own/go", "std_srvs/srv/Trigger").message == "of the first"
         sim.disappear()
-        own.wait_for("/sim is gone")
+        own.wait_for("/sim stopped or cannot be reached")
         assert ros.call("/own/go", "std_srvs/srv/Trigger").message == "of the second"
         token.undeclare()
         for queryable in queryables:
@@ -113,12 +113,12 @@ def test_the_end_of_an_earlier_start_is_not_taken_for_that_of_the_server(bridge,
     with Client(sim.endpoint) as late:
         declare = late.session.liveliness().declare_token
         first = declare("@mjplug/late/1")
-        own.wait_for("/late is there")
+        own.wait_for("found /late")
         second, marker = declare("@mjplug/late/2"), declare("@mjplug/marker/1")
-        own.wait_for("/marker is there")
+        own.wait_for("found /marker")
         first.undeclare()
         marker.undeclare()
-        own.wait_for("/marker is gone")
+        own.wait_for("/marker stopped or cannot be reached")
         nothing = json.dumps({"topics": [], "services": []}).encode()
         asked = threading.Event()
 
@@ -130,7 +130,7 @@ def test_the_end_of_an_earlier_start_is_not_taken_for_that_of_the_server(bridge,
         assert asked.wait(10.0)
         queryable.undeclare()
         second.undeclare()
-        own.wait_for("/late is gone")
+        own.wait_for("/late stopped or cannot be reached")
 
 
 def reply(query, payload):

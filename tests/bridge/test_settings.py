@@ -67,7 +67,7 @@ def test_all_wrong_parameters_are_told_at_once(bridge):
     assert "server: 'mjplug' is not a full ROS name such as /robot1" in log
     assert "namespace: '/robot1/' is not a full ROS name" in log
     assert "allow: '[' is not a regular expression" in log
-    assert "remap: '/scan=/robot1/scan' must be two full names with := between them" in log
+    assert "remap: '/scan=/robot1/scan' must be two full names separated by :=" in log
     assert "service_timeout: the value must be above 0 s, not 0.0" in log
 
 
@@ -93,7 +93,7 @@ def test_without_an_endpoint_the_bridge_says_so_together_with_the_other_mistakes
 def test_a_time_may_be_an_integer_and_nothing_else_that_is_no_number(bridge, sim, given, code):
     own = bridge(sim.endpoint, service_timeout=given)
     if code == 0:
-        own.wait_for("/sim is there")
+        own.wait_for("found /sim")
         assert own.stop() == 0
     else:
         assert own.end() == code
@@ -135,7 +135,7 @@ def test_the_clock_is_mapped_before_all_else_and_other_servers_are_left_alone(br
     assert "Unexpected QoS override for policy `reliability`: `often`" in own.log.text
     other.wait_for("waiting for a server")
     assert other.stop() == 0, other.log.text
-    assert "is there" not in other.log.text
+    assert "found /" not in other.log.text
 
 
 @ros_only
@@ -160,7 +160,7 @@ def test_a_topic_that_the_server_both_writes_and_reads_does_not_go_in_circles(ro
     publisher = sim.publish(Topic("/both", String, DEFAULT))
     sim.subscribe(Topic("/both", String, DEFAULT))
     own = bridge(sim.endpoint)
-    own.wait_for(r"WARN.*/own/both \(std_msgs/msg/String\) is not mapped: .*would come back")
+    own.wait_for(r"WARN.*/own/both \(std_msgs/msg/String\) is not mapped: .*would return to their sender")
     inbox = ros.subscribe("/own/both", "std_msgs/msg/String")
     sent = []
 

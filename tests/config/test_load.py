@@ -87,7 +87,7 @@ ros_params: [no.yaml]
         "c.yaml:11:19: error: ros2.domain_id: Input should be less than or equal to 232, not 233\n"
         "   11 | ros2: {domain_id: 233}\n"
         "      |                   ^\n"
-        "c.yaml:13:3: error: plugins.2d: '2d' is not a valid ROS node name: '2d' starts with a digit\n"
+        "c.yaml:13:3: error: plugins.2d: '2d' is not a valid ROS node name: '2d' must not start with a digit\n"
         "   13 |   2d: {type: heartbeat}\n"
         "      |   ^\n"
         "c.yaml:14:3: error: plugins.cam.type: required, but not given\n"
@@ -115,10 +115,10 @@ ros_params: [no.yaml]
         ("sim: fast", "c.yaml:2:6: error: sim: Input should be a mapping, not 'fast'"),
         ("sim: []", "c.yaml:2:6: error: sim: Input should be a mapping, not an empty list"),
         ("namespace: a-b", "c.yaml:2:12: error: namespace: 'a-b' is not a valid ROS namespace: '-' is not allowed, "
-         "only letters of the English alphabet, digits, '_' and '/'"),
+         "use letters of the English alphabet, digits, '_' and '/'"),
         ("remap: {scan: /a}", "c.yaml:2:9: error: remap.scan: 'scan' is not a valid ROS name: "
-         "a full name starts with '/'"),
-        ("remap: {/a: b}", "c.yaml:2:13: error: remap./a: 'b' is not a valid ROS name: a full name starts with '/'"),
+         "a full name must start with '/'"),
+        ("remap: {/a: b}", "c.yaml:2:13: error: remap./a: 'b' is not a valid ROS name: a full name must start with '/'"),
         ("plugins: {a: heartbeat}", "c.yaml:2:14: error: plugins.a: Input should be a mapping, not 'heartbeat'"),
         ("on_plugin_error: [stop]", "c.yaml:2:18: error: on_plugin_error: Input should be 'stop' or 'disable', "
          "not a list"),

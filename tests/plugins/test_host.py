@@ -30,7 +30,7 @@ def test_names_mean_what_they_mean_in_ros_after_remapping(host, name, full):
 
 
 def test_a_name_that_breaks_the_rules_is_refused_with_the_rule(host):
-    with pytest.raises(PluginError, match="'/a//b' is not a valid ROS name: there is no '//' in a name"):
+    with pytest.raises(PluginError, match="'/a//b' is not a valid ROS name: a name must not contain '//'"):
         host.create_publisher(String, "/a//b")
 
 

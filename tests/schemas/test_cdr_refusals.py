@@ -33,7 +33,7 @@ from mjplug_schemas.visualization_msgs import MarkerArray
         (String, "00010000 02000000 6161", "std_msgs/msg/String: data at byte 9: expected a string that ends with NUL"),
         (String, "00010000 03000000 61ff00", "std_msgs/msg/String: data at byte 9: expected UTF-8, got ff"),
         (String, "00010000 04000000 61006200", "std_msgs/msg/String: data at byte 8: "
-                                               "expected a string without NUL inside"),
+                                               "expected a string without NUL"),
         (JointState, "00010000 0000000000000000 01000000 00000000 ffffff7f",
          "sensor_msgs/msg/JointState: name at byte 24: expected 2147483647 strings, 8589934588 bytes or more, "
          "but 0 bytes remain"),
@@ -47,7 +47,7 @@ from mjplug_schemas.visualization_msgs import MarkerArray
                                            "but 0 bytes remain"),
         (FreeJointStateArray, "00010000 0000000000000000 01000000 00000000 01000000 03000000 6100" + "00" * 150,
          "mujoco_ros2_control_msgs/msg/FreeJointStateArray: free_joints[0].name at byte 28: "
-         "expected a string without NUL inside"),
+         "expected a string without NUL"),
         (BytesFlag, "00010000 05000000 0102", f"{BytesFlag.TYPE}: a at byte 8: expected 5 bytes, 5 bytes or more, "
                                               "but 2 bytes remain"),
         (Flags, "00010000 02000000 0103" + "00" * 20, f"{Flags.TYPE}: a[1] at byte 9: expected a bool (0 or 1), got 3"),
@@ -71,11 +71,11 @@ def test_bad_bytes_are_explained(message_type, hexadecimal, sentence):
         (Float32.model_construct(data=1e39), "std_msgs/msg/Float32: data: 1e+39 is not of type float32"),
         (Header.model_construct(stamp=Time.model_construct(sec=0, nanosec=-1), frame_id=""),
          "std_msgs/msg/Header: stamp.nanosec: -1 is not of type uint32"),
-        (String.model_construct(data="a\0b"), "std_msgs/msg/String: data: 'a\\x00b' contains NUL, which ends a string"),
+        (String.model_construct(data="a\0b"), "std_msgs/msg/String: data: 'a\\x00b' contains NUL, which terminates a string"),
         (String.model_construct(data="\ud800"),
-         "std_msgs/msg/String: data: '\\ud800' has lone surrogates, which no encoding has"),
+         "std_msgs/msg/String: data: '\\ud800' contains lone surrogates, which cannot be encoded"),
         (JointState.model_construct(header=Header(), name=("a", "b\0")),
-         "sensor_msgs/msg/JointState: name[1]: 'b\\x00' contains NUL, which ends a string"),
+         "sensor_msgs/msg/JointState: name[1]: 'b\\x00' contains NUL, which terminates a string"),
         (JointState.model_construct(header=Header(), name=(), position=(1.0, "x")),
          "sensor_msgs/msg/JointState: position: not all elements are of type float64: "
          "required argument is not a float"),
@@ -85,7 +85,7 @@ def test_bad_bytes_are_explained(message_type, hexadecimal, sentence):
         (Bounded.model_construct(name="", few=(), names=(), points=(), data=b"", times=()),
          "probe/msg/Bounded: times: expected 2 elements, got 0"),
         (String.model_construct(data=5),
-         "std_msgs/msg/String: a value that was never validated does not fit: 'int' object has no attribute 'encode'"),
+         "std_msgs/msg/String: a value that was not validated does not fit its type: 'int' object has no attribute 'encode'"),
     ],
 )  # fmt: skip
 def test_values_that_escaped_validation_are_not_written(bad, sentence):

@@ -145,15 +145,15 @@ def test_a_negative_duration_counts_its_nanoseconds_upwards():
 @pytest.mark.parametrize(
     ("annotation", "default", "sentence"),
     [
-        (float64, ..., "Bad.x needs a default, as all fields in ROS have one"),
-        (float, 0.0, "Bad.x is annotated <class 'float'>, which ROS has no word for; use the types of "
-                     "mjplug_schemas.idl, other messages, or a sequence of either"),
-        (dict[str, float64], {}, "which ROS has no word for"),
-        (sequence[list[float64]], (), "which ROS has no word for"),
+        (float64, ..., "Bad.x needs a default value, because every ROS field has one"),
+        (float, 0.0, "Bad.x has the annotation <class 'float'>, which has no ROS type; use types of "
+                     "mjplug_schemas.idl, other messages, or sequences of them"),
+        (dict[str, float64], {}, "which has no ROS type"),
+        (sequence[list[float64]], (), "which has no ROS type"),
         (float64, "0", "Bad.x has the default '0', but it must be a float64 (a number)"),
         (sequence[int32], [], "Bad.x has the default []; write ()"),
         (float32, 0.1, "Bad.x has the default 0.1; write 0.10000000149011612"),
-        (Annotated[wstring, AtMost(3)], "", "Bad.x: only a string and a sequence can have a bound"),
+        (Annotated[wstring, AtMost(3)], "", "Bad.x: only strings and sequences can have a bound"),
     ],
 )  # fmt: skip
 def test_a_field_that_ros_could_not_have_is_refused_where_it_is_defined(annotation, default, sentence):

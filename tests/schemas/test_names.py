@@ -17,8 +17,8 @@ from mjplug_schemas.names import (
     validate_substituted,
 )
 
-LETTERS = "only letters of the English alphabet, digits, '_' and '/'"
-LETTERS_OF_NODES = "only letters of the English alphabet, digits and '_'"
+LETTERS = "use letters of the English alphabet, digits, '_' and '/'"
+LETTERS_OF_NODES = "use letters of the English alphabet, digits and '_'"
 
 
 @pytest.mark.parametrize("name", ["/a", "/robot1/cmd_vel", "/_hidden/a__b", "/A9/z", "/" + "a" * 246])
@@ -29,13 +29,13 @@ def test_valid_names_pass(name):
 @pytest.mark.parametrize(
     ("name", "rule"),
     [
-        ("", "a full name starts with '/'"),
-        ("a/b", "a full name starts with '/'"),
-        ("/", "a name does not end with '/'"),
-        ("/a/", "a name does not end with '/'"),
-        ("/a//b", "there is no '//' in a name"),
-        ("//a", "there is no '//' in a name"),
-        ("/a/9b", "'9b' starts with a digit"),
+        ("", "a full name must start with '/'"),
+        ("a/b", "a full name must start with '/'"),
+        ("/", "a name must not end with '/'"),
+        ("/a/", "a name must not end with '/'"),
+        ("/a//b", "a name must not contain '//'"),
+        ("//a", "a name must not contain '//'"),
+        ("/a/9b", "'9b' must not start with a digit"),
         ("/a-b", f"'-' is not allowed, {LETTERS}"),
         ("/a b", f"' ' is not allowed, {LETTERS}"),
         ("/a/@json", f"'@' is not allowed, {LETTERS}"),
@@ -57,7 +57,7 @@ def test_a_name_has_at_most_247_characters():
         validate_name("/" + "a" * 247)
     shown = "/" + "a" * 76 + "…"
     assert str(caught.value) == (
-        f"'{shown}' is not a valid ROS name: a name has at most 247 characters, this one has 248"
+        f"'{shown}' is not a valid ROS name: it has 248 characters; at most 247 are allowed"
     )
 
 
@@ -76,8 +76,8 @@ def test_exactly_the_names_of_the_grammar_are_valid(name):
     ("name", "rule"),
     [
         ("", "it must not be empty"),
-        ("a/b", "it has no '/'; a namespace is given separately"),
-        ("1st", "'1st' starts with a digit"),
+        ("a/b", "it must not contain '/'; set the namespace separately"),
+        ("1st", "'1st' must not start with a digit"),
         ("my-node", f"'-' is not allowed, {LETTERS_OF_NODES}"),
     ],
 )
@@ -126,12 +126,12 @@ def test_remapping_takes_the_resolved_name_once():
     ("name", "sentence"),
     [
         ("", "'' is not a valid ROS name: it must not be empty"),
-        ("~", "'~' is not a valid ROS name: '~' stands at the start, with '/' and a name behind it"),
-        ("~a", "'~a' is not a valid ROS name: '~' stands at the start, with '/' and a name behind it"),
-        ("~/", "'~/' is not a valid ROS name: a name does not end with '/'"),
-        ("~//a", "'~//a' is not a valid ROS name: there is no '//' in a name"),
+        ("~", "'~' is not a valid ROS name: '~' is allowed only at the start, followed by '/' and a name"),
+        ("~a", "'~a' is not a valid ROS name: '~' is allowed only at the start, followed by '/' and a name"),
+        ("~/", "'~/' is not a valid ROS name: a name must not end with '/'"),
+        ("~//a", "'~//a' is not a valid ROS name: a name must not contain '//'"),
         ("a-b", f"'/node/a-b' is not a valid ROS name: '-' is not allowed, {LETTERS}"),
-        ("/moved", "'nowhere' is not a valid ROS name: a full name starts with '/'"),
+        ("/moved", "'nowhere' is not a valid ROS name: a full name must start with '/'"),
     ],
 )
 def test_what_cannot_be_resolved_is_refused(name, sentence):
