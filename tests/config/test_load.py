@@ -114,7 +114,7 @@ ros_params: [no.yaml]
         ("sim: {speed: }", "c.yaml:2:14: error: sim.speed: Input should be a number or 'max', not nothing"),
         ("sim: fast", "c.yaml:2:6: error: sim: Input should be a mapping, not 'fast'"),
         ("sim: []", "c.yaml:2:6: error: sim: Input should be a mapping, not an empty list"),
-        ("namespace: a-b", "c.yaml:2:12: error: namespace: 'a-b' is not a valid ROS namespace: '-' is not allowed, "
+        ("namespace: a-b", "c.yaml:2:12: error: namespace: 'a-b' is not a valid ROS namespace: '-' is not allowed; "
          "use letters of the English alphabet, digits, '_' and '/'"),
         ("remap: {scan: /a}", "c.yaml:2:9: error: remap.scan: 'scan' is not a valid ROS name: "
          "a full name must start with '/'"),

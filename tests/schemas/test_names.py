@@ -36,14 +36,14 @@ def test_valid_names_pass(name):
         ("/a//b", "a name must not contain '//'"),
         ("//a", "a name must not contain '//'"),
         ("/a/9b", "'9b' must not start with a digit"),
-        ("/a-b", f"'-' is not allowed, {LETTERS}"),
-        ("/a b", f"' ' is not allowed, {LETTERS}"),
-        ("/a/@json", f"'@' is not allowed, {LETTERS}"),
-        ("/a/*", f"'*' is not allowed, {LETTERS}"),
-        ("/a/{node}", f"'{{' is not allowed, {LETTERS}"),
-        ("/a/~/b", f"'~' is not allowed, {LETTERS}"),
-        ("/é", f"'é' is not allowed, {LETTERS}"),
-        ("/a\n", f"'\\n' is not allowed, {LETTERS}"),
+        ("/a-b", f"'-' is not allowed; {LETTERS}"),
+        ("/a b", f"' ' is not allowed; {LETTERS}"),
+        ("/a/@json", f"'@' is not allowed; {LETTERS}"),
+        ("/a/*", f"'*' is not allowed; {LETTERS}"),
+        ("/a/{node}", f"'{{' is not allowed; {LETTERS}"),
+        ("/a/~/b", f"'~' is not allowed; {LETTERS}"),
+        ("/é", f"'é' is not allowed; {LETTERS}"),
+        ("/a\n", f"'\\n' is not allowed; {LETTERS}"),
     ],
 )
 def test_a_bad_name_is_refused_with_the_rule_it_breaks(name, rule):
@@ -78,7 +78,7 @@ def test_exactly_the_names_of_the_grammar_are_valid(name):
         ("", "it must not be empty"),
         ("a/b", "it must not contain '/'; set the namespace separately"),
         ("1st", "'1st' must not start with a digit"),
-        ("my-node", f"'-' is not allowed, {LETTERS_OF_NODES}"),
+        ("my-node", f"'-' is not allowed; {LETTERS_OF_NODES}"),
     ],
 )
 def test_a_bad_node_name_is_refused_with_the_rule_it_breaks(name, rule):
@@ -130,7 +130,7 @@ def test_remapping_takes_the_resolved_name_once():
         ("~a", "'~a' is not a valid ROS name: '~' is allowed only at the start, followed by '/' and a name"),
         ("~/", "'~/' is not a valid ROS name: a name must not end with '/'"),
         ("~//a", "'~//a' is not a valid ROS name: a name must not contain '//'"),
-        ("a-b", f"'/node/a-b' is not a valid ROS name: '-' is not allowed, {LETTERS}"),
+        ("a-b", f"'/node/a-b' is not a valid ROS name: '-' is not allowed; {LETTERS}"),
         ("/moved", "'nowhere' is not a valid ROS name: a full name must start with '/'"),
     ],
 )
