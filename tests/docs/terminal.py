@@ -118,6 +118,17 @@ class Reader:
             one_stream=True,
         )
 
+    def tests(self, arguments: list[str]) -> "subprocess.CompletedProcess[str]":
+        """Runs pytest in the folder, without the settings of this repository."""
+        return warm_python.run(
+            (sys.executable, "-m", "pytest"),
+            ("-q", "-p", "no:cacheprovider", "-c", os.devnull, f"--rootdir={self.folder}", *arguments),
+            cwd=self.folder,
+            env=_environment() | {"PYTHONPATH": str(self.folder)},
+            timeout=PATIENCE,
+            one_stream=True,
+        )
+
     def server(self, line: str, as_it_is: bool = False) -> Server:
         """Returns the server that a command line starts, started now if it is not yet running.
 

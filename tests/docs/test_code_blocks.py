@@ -177,6 +177,10 @@ def test_commands_run_and_print_what_the_page_says(story, reader_of):
         elif program == "python":
             # Examples are run by tests/examples.
             assert (ROOT / command.words[1]).exists(), line
+        elif program == "pytest":
+            done = reader.tests(command.words[1:])
+            printed += done.stdout
+            code = done.returncode
         elif program in ("pip", "git"):
             need_program(program, {"pip": "python3-pip"}.get(program, program))
             assert story.output is None

@@ -14,6 +14,7 @@ from pydantic_core import PydanticUndefined
 
 import mjplug.client
 import mjplug.plugin
+import mjplug.testing
 from mjplug.cli.app import app
 from mjplug.cli.exit_codes import EXIT_CODES, EXIT_CODES_OF_COMMANDS
 from mjplug.config.document import unquoted
@@ -30,6 +31,7 @@ from mjplug.wire.calls import MAX_OPEN_CALLS
 from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 
 CONFIGURATION, WIRE, PLUGINS, CLI, CLIENT = "configuration.md", "wire.md", "plugins.md", "cli.md", "client.md"
+TESTING = "testing.md"
 
 SETTINGS = rows(section(CONFIGURATION, "Settings").partition("### ")[0])
 
@@ -201,6 +203,18 @@ def test_everything_in_the_client_is_described():
             # Only the client calls it.
             assert (kind.__name__, name) == ("Subscription", "open") or documented == expected
         assert {name for name, member in inspect.getmembers(kind) if isinstance(member, property)} <= set(table)
+
+
+def test_everything_of_the_test_kit_is_described():
+    text = prose(TESTING)
+    for name in mjplug.testing.__all__:
+        assert re.search(rf"`{name}\b[^`]*`", text), name
+    table = rows(section(TESTING, "World"))
+    for _, expected, documented in signatures(mjplug.testing.World, table):
+        assert documented == expected
+    assert set(inspect.signature(mjplug.testing.World).parameters) == set(
+        re.search(r"`World\(([^)]*)\)`", text)[1].split(", ")
+    )
 
 
 def test_every_argument_of_open_server_is_described():
