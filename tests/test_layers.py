@@ -15,6 +15,11 @@ VIOLATIONS = {
         "import mjplug.cli.output",
         "mjplug.server is not allowed to import mjplug.cli",
     ),
+    "the server uses the test kit": (
+        "mjplug/server/offline.py",
+        "import mjplug.testing.world",
+        "mjplug.server is not allowed to import mjplug.testing",
+    ),
     "physics uses the wire": (
         "mjplug/physics/loop.py",
         "import mjplug.wire.session",

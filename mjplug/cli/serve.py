@@ -1,6 +1,7 @@
 """`mjplug serve`: from a configuration file or a model to a running server."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -116,9 +117,9 @@ def serve(
     with logging_to_stderr(-1 if quiet else verbose):
         draft = read(config, model=model, sets=sets)
         if check:
-            prepared = prepare(draft)
-            check_start(prepared)
-            say(f"ok · {prepared.summary}")
+            with closing(prepare(draft)) as prepared:
+                check_start(prepared)
+                say(f"ok · {prepared.summary}")
             return
         watchdog = StopWatchdog()
         watchdog.start()
