@@ -1,1 +1,1 @@
-"""Model files: where they are, how they are read, and what mjplug adds to them."""
+"""Model files: their location, loading, and mjplug's extensions."""

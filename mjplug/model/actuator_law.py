@@ -1,4 +1,4 @@
-"""What a control means: which quantity an actuator drives, and the control that asks for a value of it."""
+"""The quantity that an actuator drives, and the control for a target value of it."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,12 +10,12 @@ _NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_A
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _DIRECT = {int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)}
 
-_ALIKE = 1e-6
-"""Relative difference up to which the gain of a velocity servo and its damping count as the same number."""
+_MAX_GAIN_DIFFERENCE = 1e-6
+"""Maximum relative difference between the gain and the damping of a velocity servo."""
 
 
 class Drives(StrEnum):
-    """What an actuator drives its transmission to."""
+    """The quantity of the transmission that an actuator drives."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -25,31 +25,31 @@ class Drives(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ActuatorLaw:
-    """How the control of an actuator follows from what is wanted: control = ratio · wanted + offset.
+    """The control of an actuator for a target value: control = ratio · target + offset.
 
     Attributes:
-        drives: What is wanted: a length of the transmission [rad, m], its velocity, or the force along it [N·m, N]. For
-            muscles, adhesion, plugins and whatever else has no such quantity it is the control itself.
-        ratio: Control per unit of it.
-        offset: Control for zero of it.
+        drives: The quantity of the target: the length of the transmission [rad, m], its velocity [rad/s, m/s], or the
+            force along it [N·m, N]. For muscles, adhesion, plugins and others it is the control itself.
+        ratio: Control per unit of the target.
+        offset: Control for a target of zero.
     """
 
     drives: Drives
     ratio: float = 1.0
     offset: float = 0.0
 
-    def control(self, wanted: float) -> float:
-        """Returns the control that asks for a value; without load, a servo then comes to rest there."""
-        return self.ratio * wanted + self.offset
+    def control(self, target: float) -> float:
+        """Returns the control for a target; without load, a servo reaches it."""
+        return self.ratio * target + self.offset
 
 
 def actuator_law(model: mujoco.MjModel, actuator: int) -> ActuatorLaw:
-    """Returns what an actuator drives.
+    """Returns the law of an actuator.
 
-    MuJoCo's force is gain · control + b0 + b1 · length + b2 · velocity, in which an activation may stand for the
-    control. What has a bias that the control can balance is a servo: `position` has b1 = -gain; a gripper whose control
-    counts from 0 to 255 has it in other units. A bias of damping alone makes a velocity servo only where it is as large
-    as the gain; otherwise it is a motor with friction.
+    MuJoCo's force is gain · control + b0 + b1 · length + b2 · velocity, where an activation may replace the control. An
+    actuator whose bias depends on the length is a position servo: `position` has b1 = -gain; a gripper with controls
+    from 0 to 255 has other units. An actuator whose bias depends on the velocity alone is a velocity servo if
+    b2 = -gain; otherwise it is a motor with damping.
 
     Args:
         model: The compiled model.
@@ -62,12 +62,12 @@ def actuator_law(model: mujoco.MjModel, actuator: int) -> ActuatorLaw:
         return ActuatorLaw(Drives.OTHER)
     constant, stiffness, damping = model.actuator_biasprm[actuator, :3].tolist() if bias == _AFFINE else (0.0,) * 3
     if dynamics == _INTEGRATOR and stiffness:
-        # The activation is the length to hold, and the control is how fast that moves.
+        # The activation is the target length, and the control is its rate of change.
         return ActuatorLaw(Drives.VELOCITY, -stiffness / gain)
     if dynamics not in _DIRECT:
         return ActuatorLaw(Drives.OTHER)
     if stiffness:
         return ActuatorLaw(Drives.POSITION, -stiffness / gain, -constant / gain)
-    if damping and abs(damping + gain) <= _ALIKE * abs(gain):
+    if damping and abs(damping + gain) <= _MAX_GAIN_DIFFERENCE * abs(gain):
         return ActuatorLaw(Drives.VELOCITY, -damping / gain, -constant / gain)
     return ActuatorLaw(Drives.EFFORT, 1.0 / gain, -constant / gain)

@@ -1,4 +1,4 @@
-"""Loads models: MJCF, URDF, compiled (.mjb) and packed (.mjz). Compiling releases the GIL."""
+"""Loads models: MJCF, URDF, compiled (.mjb) and packed (.mjz). Compiling a model releases the GIL."""
 
 import os
 import struct
@@ -26,8 +26,8 @@ class LoadedModel:
 
     Attributes:
         model: The model.
-        name: What it calls itself, otherwise the name of its file without the ending.
-        path: Its file.
+        name: The model's own name, or the name of its file without suffix if it has none.
+        path: The model's file.
     """
 
     model: mujoco.MjModel
@@ -40,11 +40,11 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
 
     Args:
         uri: A path, `package://pkg/path` or `bundled:NAME`.
-        folders: Where a relative path counts from, first choice first; the current folder comes last.
-        environ: Where ROS packages are looked for.
+        folders: Folders in which a relative path is searched, in this order; then the current folder is searched.
+        environ: Environment variables for the search of ROS packages.
 
     Raises:
-        ModelError: The file does not exist, cannot be read, or MuJoCo refuses it; or a name in it is not UTF-8.
+        ModelError: The file does not exist or cannot be read, MuJoCo cannot compile it, or a name in it is not UTF-8.
     """
     path = locate(uri, folders, environ)
     try:
@@ -62,17 +62,17 @@ def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ
 
 
 def _check(path: Path) -> None:
-    """Refuses what MuJoCo would answer with a misleading message."""
+    """Refuses files for which MuJoCo's error message would be misleading."""
     if path.is_dir():
         inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
         raise ModelError(
-            f"{path} is a directory, not a model" + (f"; it has {', '.join(inside[:5])}" if inside else "")
+            f"{path} is a directory, not a model" + (f"; it contains {', '.join(inside[:5])}" if inside else "")
         )
     suffix = path.suffix.lower()
     if suffix == ".xacro":
-        raise ModelError(f"{path} is a xacro template; make a URDF of it first: xacro {path.name} -o {path.stem}")
+        raise ModelError(f"{path} is a xacro template; convert it to a URDF first: xacro {path.name} -o {path.stem}")
     if suffix not in SUFFIXES:
-        raise ModelError(f"{path} is no model by its name; models end with {', '.join(SUFFIXES)}")
+        raise ModelError(f"{path} is not a model file; the name of a model file ends with {', '.join(SUFFIXES)}")
     with path.open("rb") as file:
         start = file.read(_MJB_HEADER.size)
     if not start:
@@ -84,11 +84,11 @@ def _check(path: Path) -> None:
 def _check_mjb(path: Path, start: bytes) -> None:
     here = int(mujoco.mj_version())
     if len(start) < _MJB_HEADER.size or _MJB_HEADER.unpack(start)[0] != _MJB_ID:
-        raise ModelError(f"{path} is no compiled MuJoCo model")
+        raise ModelError(f"{path} is not a compiled MuJoCo model")
     version = _MJB_HEADER.unpack(start)[3]
     if version != here:
         raise ModelError(
-            f"{path} was compiled by MuJoCo {_dotted(version)}, this is {_dotted(here)}; "
+            f"{path} was compiled by MuJoCo {_dotted(version)}, but MuJoCo {_dotted(here)} is installed; "
             "use the model's XML, or compile it again"
         )
 
@@ -127,7 +127,7 @@ def _compile_archive(path: Path) -> mujoco.MjModel:
         if not any(lidar_extension.PLUGIN.encode() in archive.read(name) for name in texts):
             return _compile_archive_as_it_is(path)
         files = {info.filename: archive.read(info) for info in archive.infolist() if not info.is_dir()}
-    # As MuJoCo looks for it: called like the archive, otherwise the last one.
+    # As in MuJoCo, the main file has the name of the archive; if there is none, it is the last file.
     main = next((name for name in texts if Path(name).stem == path.stem), texts[-1])
     files |= lidar_extension.overlay(main, files.get)
     with tempfile.TemporaryDirectory() as folder:
@@ -143,7 +143,7 @@ def _compile_archive_as_it_is(path: Path) -> mujoco.MjModel:
     try:
         model = mujoco.MjSpec.from_file(str(path)).compile()
     except ValueError:
-        # MuJoCo's own decoder wants the XML to be called like the archive; `MjSpec.to_zip` calls it like the model.
+        # MuJoCo's own decoder expects the XML to have the archive's name; `MjSpec.to_zip` gives it the model's name.
         with path.open("rb") as file:
             model = mujoco.MjSpec.from_zip(file).compile()
     return model

@@ -1,4 +1,4 @@
-"""The attributes of a `mujoco.plugin.lidar` sensor in a model: what they may be."""
+"""Validates the attributes of a `mujoco.plugin.lidar` sensor in a model."""
 
 import math
 import re
@@ -12,11 +12,11 @@ def validated(written: Mapping[str, str], where: str) -> dict[str, Any]:
     """Returns the values of the attributes.
 
     Args:
-        written: The attributes as the model has them.
-        where: What they belong to, for the errors.
+        written: The attributes as text, as in the model.
+        where: File, line and sensor, for the error message.
 
     Raises:
-        ModelError: One is missing, unknown or wrong.
+        ModelError: An attribute is missing, unknown or invalid.
     """
     for name in written:
         if name not in _ATTRIBUTES:
@@ -30,7 +30,7 @@ def validated(written: Mapping[str, str], where: str) -> dict[str, Any]:
                 raise ModelError(f"{where}: {name} is {written[name]!r}; it must be {allowed}")
             values[name] = value
         elif name in _REQUIRED:
-            raise ModelError(f"{where}: it has no {name}; that must be {allowed}")
+            raise ModelError(f"{where}: {name} is missing; it must be {allowed}")
     _check_together(values, where)
     return values
 
@@ -39,11 +39,11 @@ def _check_together(values: Mapping[str, Any], where: str) -> None:
     rows, elevations = values["resolution"][1], values["elevation_range"]
     if rows > 1 and len(elevations) == 1:
         raise ModelError(
-            f"{where}: elevation_range is {elevations[0]:g}, but {rows} rows need two angles, the lower one first"
+            f"{where}: elevation_range is {elevations[0]:g}; {rows} rows need two angles, the lower one first"
         )
     low, high = values.get("min_range", 0.0), values["max_range"]
     if high <= low:
-        raise ModelError(f"{where}: max_range is {high:g}; it must be above min_range, which is {low:g}")
+        raise ModelError(f"{where}: max_range is {high:g}; it must be greater than min_range, which is {low:g}")
 
 
 def _numbers(text: str) -> list[float] | None:
@@ -65,7 +65,7 @@ def _azimuths(numbers: list[float]) -> list[float] | None:
 
 def _elevations(numbers: list[float]) -> list[float] | None:
     one = len(numbers) == 1 and -_PI <= numbers[0] <= _PI
-    # Twice the same is one value; so it is written for one row.
+    # Two equal angles are allowed for one row.
     same = len(numbers) == 2 and numbers[0] == numbers[1]
     if one or (same and -_PI <= numbers[0] <= _PI):
         return numbers[:1]
@@ -81,7 +81,7 @@ def _not_negative(numbers: list[float]) -> float | None:
 
 
 _PI = 3.1416
-"""Half a turn, as angles in files are rounded [rad]."""
+"""Limit of angles: pi, rounded up because angles in files are rounded [rad]."""
 
 _ATTRIBUTES: dict[str, tuple[str, Callable[[list[float]], Any]]] = {
     "resolution": ("two whole numbers above 0: columns and rows", _resolution),

@@ -1,9 +1,9 @@
-"""Lets models load that use `mujoco.plugin.lidar`, mujoco_ros2_control's sensor that MuJoCo itself does not have.
+"""Loads models with `mujoco.plugin.lidar`, a sensor of mujoco_ros2_control that MuJoCo itself does not provide.
 
-MuJoCo refuses such a model while it parses, so its text has to change: in copies of its files that MuJoCo finds in
-memory under the names of the real ones, every lidar becomes a user sensor of the same name, at the same site and the
-same place in the list. Its configuration becomes a custom text, so that the compiled model has all there is to know,
-also as `.mjb`, in another process, or attached to another model under a prefix.
+MuJoCo refuses such a model when parsing it, so the model is changed in memory: MuJoCo reads copies of the files under
+their real names, in which every lidar is a user sensor with the same name, site and position in the list of sensors.
+The lidar's configuration becomes a custom text, so that the compiled model contains it, also as `.mjb`, in another
+process, or attached to another model with a prefix.
 """
 
 import json
@@ -24,10 +24,10 @@ from mjplug.model import lidar_attributes
 from mjplug.model.xml_positions import Edit, Element, edited, parse
 
 PLUGIN = "mujoco.plugin.lidar"
-"""The name that models know it by."""
+"""The name of the MuJoCo plugin in models."""
 
 _ROOTS = ("mujoco", "mujocoinclude")
-"""Roots of files. What an included file has stands where it is included, so its root may stand for any section."""
+"""Root elements of files. The content of an included file may belong to any section."""
 
 _TEXT = re.compile(rf"(.*){re.escape(PLUGIN)}: (.*)", re.DOTALL)
 _KEPT = ("name", "objtype", "objname", "noise", "user")
@@ -36,18 +36,17 @@ _SITE = "site"
 _log = logging.getLogger(__name__)
 
 Read = Callable[[str], bytes | None]
-"""Returns what a file has, None if there is no such file."""
+"""Returns the content of a file; None if there is no such file."""
 
 
 @dataclass(frozen=True, slots=True)
 class LidarSensor:
-    """A lidar that the model describes.
+    """A lidar sensor of a model.
 
     Attributes:
         name: The sensor's name.
-        site: The id of the site that it is at.
-        attributes: Those that the model gives, by their names in the model: whole numbers and numbers, alone or in
-            lists.
+        site: Id of the sensor's site.
+        attributes: The attributes in the model, by name: integers and floats, or lists of them.
     """
 
     name: str
@@ -65,7 +64,7 @@ def lidar_sensors(model: mujoco.MjModel) -> dict[str, LidarSensor]:
         start = model.text_adr[text]
         data = bytes(model.text_data[start : start + model.text_size[text]]).rstrip(b"\0")
         attributes = json.loads(data)
-        # MuJoCo puts the prefix of an attached model before the names of sensor, site and text alike.
+        # MuJoCo puts the prefix of an attached model before the names of its sensors, sites and texts.
         name, site = match[1] + match[2], match[1] + attributes.pop(_SITE, "")
         for called, sensor in _sensors_called(model, name, site):
             found[called] = LidarSensor(called, int(model.sensor_objid[sensor]), dict(attributes))
@@ -73,7 +72,7 @@ def lidar_sensors(model: mujoco.MjModel) -> dict[str, LidarSensor]:
 
 
 def _sensors_called(model: mujoco.MjModel, name: str, site: str) -> Iterator[tuple[str, int]]:
-    """Yields the sensor of a name, or those that `replicate` has made of it, as it has made more of its site."""
+    """Yields the sensor of a name, or the sensors that `replicate` has made from it."""
     exact = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
     if exact >= 0:
         yield name, exact
@@ -81,20 +80,20 @@ def _sensors_called(model: mujoco.MjModel, name: str, site: str) -> Iterator[tup
     for sensor in np.flatnonzero(model.sensor_type == mujoco.mjtSensor.mjSENS_USER).tolist():
         called = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SENSOR, sensor) or ""
         at = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SITE, int(model.sensor_objid[sensor])) or ""
-        # Both get the same number, with a separator before it that may be anything.
+        # `replicate` appends the same separator and number to the names of the sensor and of its site.
         if called.startswith(name) and at == site + called.removeprefix(name):
             yield called, sensor
 
 
 def overlay(path: str, read: Read) -> dict[str, bytes]:
-    """Returns the files of a model that have to be other than they are, by name, as MuJoCo can read them.
+    """Returns the changed files of a model, by name, so that MuJoCo can load them.
 
     Args:
         path: The model's main file.
         read: Returns the content of a file.
 
     Raises:
-        ModelError: A lidar is described wrongly, or a file is no XML.
+        ModelError: A lidar is invalid, or a file is not XML.
     """
     files = _files(path, read)
     instances = {
@@ -130,7 +129,7 @@ class _File:
 
 
 def _files(main: str, read: Read) -> dict[str, _File]:
-    """Returns the main file and those that it includes, by name; one that is not there is left to MuJoCo."""
+    """Returns the main file and its included files, by name. MuJoCo reports missing files."""
     files: dict[str, _File] = {}
     waiting = [main]
     while waiting:
@@ -143,7 +142,7 @@ def _files(main: str, read: Read) -> dict[str, _File]:
         except ExpatError as error:
             raise ModelError(f"{name}: {error}") from error
         files[name] = _File(content, root, [])
-        # MuJoCo counts from the main file's folder also in a file that is included from another folder.
+        # In MuJoCo, all file names are relative to the main file's folder, also in files from other folders.
         waiting += [_beside(main, file) for file in _referred(root, "include")]
     return files
 
@@ -173,21 +172,21 @@ def _sensors(root: Element, instances: dict[str, Element]) -> Iterator[Element]:
 
 
 def _replaced(sensor: Element, where: str, instances: dict[str, Element]) -> tuple[str, list[str]]:
-    """Returns what stands for a lidar in the sensor section, and in the custom section."""
+    """Returns the replacements of a lidar in the sensor section and in the custom section."""
     name, instance = sensor.attributes.get("name", ""), sensor.attributes.get("instance")
     where = f"{where}: lidar sensor {name!r}" if name else f"{where}: lidar sensor without a name"
     if sensor.attributes.get("objtype") != "site" or not sensor.attributes.get("objname"):
-        raise ModelError(f'{where}: it must be at a site, with objtype="site" and the name of the site as objname')
+        raise ModelError(f'{where}: a lidar needs a site; write objtype="site" objname="SITE"')
     if instance is not None and instance not in instances:
         raise ModelError(f"{where}: {UnknownName(f'instance of {PLUGIN}', instance, instances)}")
     configs = (sensor if instance is None else instances[instance]).children
     written = {c.attributes.get("key", ""): c.attributes.get("value", "") for c in configs if c.tag == "config"}
     attributes = lidar_attributes.validated(written, where)
     kept = "".join(f' {key}="{escape(sensor.attributes[key])}"' for key in _KEPT if key in sensor.attributes)
-    # One number, which nobody writes: MuJoCo goes over all numbers of a sensor at every step.
+    # One unused number, because MuJoCo processes all numbers of a sensor at every step.
     user = f'<user{kept} dim="1" needstage="acc" datatype="real"/>'
     if not name:
-        _log.warning("%s is not published", where)
+        _log.warning("%s is not published; give it a name", where)
         return user, []
     data = json.dumps({_SITE: sensor.attributes["objname"], **attributes})
     return user, [f'<text name="{escape(f"{PLUGIN}: {name}")}" data="{escape(data)}"/>']

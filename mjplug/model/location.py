@@ -1,4 +1,4 @@
-"""From what a configuration calls its model to a file: relative names, `package://pkg/path`, `bundled:NAME`."""
+"""Finds model files: paths, `package://pkg/path`, `bundled:NAME`."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -8,22 +8,22 @@ from pathlib import Path
 from mjplug.errors import ModelError, did_you_mean
 
 SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
-"""What a model's file name may end with."""
+"""Suffixes of model files."""
 
 PACKAGE = "package://"
 BUNDLED = "bundled:"
 
 
 def locate(uri: str, folders: Sequence[Path] = (), environ: Mapping[str, str] = os.environ) -> Path:
-    """Returns the file of a model.
+    """Returns the path of a model.
 
     Args:
         uri: A path, `package://pkg/path` or `bundled:NAME`.
-        folders: Where relative paths count from, first choice first; the current folder comes last.
-        environ: Where `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH` are looked up.
+        folders: Folders in which a relative path is searched, in this order; then the current folder is searched.
+        environ: Environment variables; `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH` are used.
 
     Raises:
-        ModelError: There is none; the sentence says where it was looked for.
+        ModelError: There is no such file; the message lists the searched folders.
     """
     if uri.startswith(BUNDLED):
         return _bundled(uri.removeprefix(BUNDLED))
@@ -45,15 +45,16 @@ def locate(uri: str, folders: Sequence[Path] = (), environ: Mapping[str, str] = 
 
 
 def locate_in_package(uri: str, environ: Mapping[str, str], more: Sequence[Path] = ()) -> Path:
-    """Returns the file that a `package://pkg/path` means, without ROS's own tools.
+    """Returns the file of a `package://pkg/path` URI, without ROS's own tools.
 
     Args:
         uri: The URI.
-        environ: `AMENT_PREFIX_PATH` is asked for `<prefix>/share/<pkg>`, then `ROS_PACKAGE_PATH` for `<folder>/<pkg>`.
-        more: Folders that may be the package, or may have it inside; asked last.
+        environ: Environment variables. `<prefix>/share/<pkg>` is searched for each prefix in `AMENT_PREFIX_PATH`, then
+            `<folder>/<pkg>` for each folder in `ROS_PACKAGE_PATH`.
+        more: Folders that may be or contain the package; they are searched last.
 
     Raises:
-        ModelError: There is none; the sentence says where it was looked for.
+        ModelError: There is no such file; the message lists the searched folders.
     """
     package, _, rest = uri.removeprefix(PACKAGE).partition("/")
     installed = [prefix / "share" / package for prefix in _paths(environ, "AMENT_PREFIX_PATH")]
@@ -64,12 +65,12 @@ def locate_in_package(uri: str, environ: Mapping[str, str], more: Sequence[Path]
             return folder / rest
     listing = ", ".join(str(folder) for folder in tried if folder.is_dir())
     if listing:
-        raise ModelError(f"{uri!r}: package {package!r} is in {listing}, but has no file {rest!r}")
-    raise ModelError(f"{uri!r}: there is no package {package!r} on AMENT_PREFIX_PATH or ROS_PACKAGE_PATH")
+        raise ModelError(f"{uri!r}: package {package!r} in {listing} contains no file {rest!r}")
+    raise ModelError(f"{uri!r}: there is no package {package!r} in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH")
 
 
 def bundled_models() -> list[str]:
-    """Returns the names of the models that come with mjplug."""
+    """Returns the names of the models that are included in mjplug."""
     folder = _bundle()
     files = [file.stem for file in folder.glob("*.xml")]
     return sorted([*files, *(file.parent.name for file in folder.glob("*/scene.xml"))])
@@ -85,7 +86,7 @@ def _bundled(name: str) -> Path:
 
 
 def _bundle() -> Path:
-    # MuJoCo reads included files and meshes by path, so the package must lie in a file system, as pip puts it.
+    # MuJoCo reads included files and meshes by path, so the package must be installed as files, as pip does.
     return Path(str(resources.files("mjplug") / "bundled"))
 
 

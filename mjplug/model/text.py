@@ -1,4 +1,4 @@
-"""Text of a model that is not UTF-8: MuJoCo takes any bytes, but Python and ROS need UTF-8."""
+"""Checks that the text of a model is UTF-8: MuJoCo accepts any bytes, but Python and ROS need UTF-8."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ _KINDS = (
     "body", "jnt", "geom", "site", "cam", "light", "flex", "mesh", "skin", "hfield", "tex", "mat", "pair", "exclude",
     "eq", "tendon", "actuator", "sensor", "numeric", "text", "tuple", "key", "plugin",
 )  # fmt: skip
-"""MuJoCo's words for the kinds of named objects, as in `name_bodyadr`."""
+"""MuJoCo's abbreviations of the kinds of named objects, as in `name_bodyadr`."""
 
 _WORDS = {"jnt": "joint", "cam": "camera", "tex": "texture", "mat": "material", "eq": "equality", "key": "keyframe"}
-"""MJCF's words, where they are others."""
+"""MJCF's words for the kinds with another abbreviation."""
 
 _REMEDY = "save the model's files in UTF-8"
 
@@ -21,14 +21,14 @@ _REMEDY = "save the model's files in UTF-8"
 def check_names(model: mujoco.MjModel, path: Path) -> None:
     """Checks that all names of a model are UTF-8.
 
-    MuJoCo's Python functions fail at any later moment when they return another name.
+    Otherwise, MuJoCo's Python functions would fail later when they return such a name.
 
     Args:
         model: The compiled model.
-        path: Its file, for the sentence.
+        path: The model's file, for the error message.
 
     Raises:
-        ModelError: A name is not; the sentence has the element, and the line if it is in this file.
+        ModelError: A name is not UTF-8. The message contains the element, and the line if it is in this file.
     """
     names = bytes(model.names)
     try:
@@ -42,14 +42,14 @@ def check_names(model: mujoco.MjModel, path: Path) -> None:
 
 
 def message_of(error: Exception) -> str:
-    """Returns what an error of MuJoCo says, also where it quotes text that is not UTF-8."""
+    """Returns the message of a MuJoCo error, also if it quotes text that is not UTF-8."""
     if isinstance(error, UnicodeDecodeError):
         return f"{error.object.decode(errors='backslashreplace')}\n{_REMEDY}"
     return str(error)
 
 
 def _owner(model: mujoco.MjModel, address: int) -> str:
-    """Returns the element whose name is at an address of the buffer of names."""
+    """Returns the element whose name is at an address in the buffer of names."""
     for kind in _KINDS:
         addresses = getattr(model, f"name_{kind}adr").tolist()
         if address in addresses:
@@ -58,7 +58,7 @@ def _owner(model: mujoco.MjModel, address: int) -> str:
 
 
 def _line(path: Path, name: bytes) -> str:
-    """Returns `:<line>` of the first place in a file that has a name in quotes, nothing if there is none."""
+    """Returns `:<line>` of the first place in a file with the name in quotes; empty if there is none."""
     content = path.read_bytes()
     places = [content.find(quote + name + quote) for quote in (b'"', b"'")]
     found = min((place for place in places if place >= 0), default=-1)

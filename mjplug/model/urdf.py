@@ -1,4 +1,4 @@
-"""Prepares a URDF for MuJoCo: keeps all links, and finds meshes the way ROS does."""
+"""Prepares a URDF for MuJoCo: keeps all links, and finds meshes as ROS does."""
 
 import os
 from collections.abc import Collection, Mapping
@@ -17,8 +17,8 @@ class Urdf:
     """A URDF that MuJoCo can compile from memory.
 
     Attributes:
-        xml: The text, with mesh names in place of URIs and paths.
-        assets: The meshes, by these names.
+        xml: The text of the URDF, with mesh names instead of URIs and paths.
+        assets: The meshes by name.
     """
 
     xml: str
@@ -28,34 +28,35 @@ class Urdf:
 def prepared(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None:
     """Reads a URDF and its meshes.
 
-    MuJoCo merges links without a joint that moves into their parents, the root into the world, so that their frames
-    are gone. Here they stay, unless the URDF's own `<mujoco><compiler fusestatic="true"/></mujoco>` says otherwise.
+    By default, MuJoCo merges a link without a moving joint into its parent, and the root link into the world, so that
+    their frames are lost. Here they are kept, unless the URDF contains
+    `<mujoco><compiler fusestatic="true"/></mujoco>`.
 
-    MuJoCo takes `package://` for a folder of that name; here packages are looked up. MuJoCo calls a mesh like its file
-    and takes the second file of a name for the first, as in `visual/link.stl` and `collision/link.stl`; so every file
-    gets a name of its own here.
+    MuJoCo treats `package://` as a folder of that name; here packages are searched. MuJoCo names a mesh after its file
+    and confuses two files of the same name, such as `visual/link.stl` and `collision/link.stl`; here every file gets a
+    unique name.
 
     Args:
         path: The URDF.
-        environ: Where packages are looked for; the folders around the URDF are tried besides.
+        environ: Environment variables for the search of packages. The folders above the URDF are searched too.
 
     Returns:
-        None for text that is no URDF: MuJoCo can say what it is, or read it from the file.
+        The prepared URDF; None if the file is not a URDF, so that MuJoCo can read it or report the error.
 
     Raises:
-        ModelError: A mesh does not exist, or is of a kind that MuJoCo does not read.
+        ModelError: A mesh does not exist, or MuJoCo does not support its format.
     """
     parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     try:
         root = ElementTree.parse(path, parser).getroot()
     except (ElementTree.ParseError, LookupError, ValueError):
-        # LookupError and ValueError are about encodings that are unknown, or of several bytes.
+        # LookupError and ValueError are raised for unknown and multi-byte encodings.
         return None
     if root.tag != "robot":
         return None
     options = _compiler(root).attrib
     options.setdefault("fusestatic", "false")
-    # MuJoCo drops the visual geoms of a URDF unless told otherwise, and never opens their meshes.
+    # By default, MuJoCo discards the visual geoms of a URDF and does not open their meshes.
     kinds = ("collision", "visual") if options.get("discardvisual") == "false" else ("collision",)
     meshes = [mesh for kind in kinds for mesh in root.findall(f"link/{kind}/geometry/mesh") if mesh.get("filename")]
     names: dict[Path, str] = {}
@@ -71,7 +72,7 @@ def prepared(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None
 
 
 def _compiler(root: ElementTree.Element) -> ElementTree.Element:
-    """Returns the element with MuJoCo's options of a URDF, which is added if there is none."""
+    """Returns the element with MuJoCo's compiler options in a URDF; adds it if there is none."""
     extension = root.find("mujoco")
     if extension is None:
         extension = ElementTree.SubElement(root, "mujoco")
@@ -84,7 +85,7 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
     beside = folder / (options.get("meshdir") or options.get("assetdir") or "")
     if Path(filename).suffix.lower() not in _READABLE:
         raise ModelError(
-            f"{urdf}: MuJoCo reads no {Path(filename).suffix} meshes, only {', '.join(_READABLE)}: {filename!r}"
+            f"{urdf}: MuJoCo does not support the mesh format of {filename!r}; supported: {', '.join(_READABLE)}"
         )
     if filename.startswith(PACKAGE):
         try:
@@ -94,7 +95,7 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
                 return (beside / Path(filename).name).resolve()
             raise ModelError(f"{urdf}: {error}, nor in a folder around the URDF") from None
     name = filename.removeprefix("file://")
-    # MuJoCo strips the folders of a URDF's meshes unless told otherwise; other programs count them from the URDF.
+    # By default, MuJoCo removes the folders from mesh file names; for other programs, they are relative to the URDF.
     ways = [beside / name, folder / name, beside / Path(name).name]
     strip = options.get("strippath")
     candidates = ways[2:] if strip == "true" else ways[:2] if strip == "false" else ways
@@ -106,7 +107,7 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
 
 
 def _free_name(file: Path, taken: Collection[str]) -> str:
-    """Returns the file's name, with as many folders in front as give it a stem that no other mesh has."""
+    """Returns the file's name, with as many parent folders in front as needed for a unique stem."""
     parts = file.with_suffix("").parts[1:]
     stems = ["_".join(parts[-count:]) for count in range(1, len(parts) + 1)]
     stems.append(f"{stems[-1]}_{file.suffix.removeprefix('.')}")

@@ -1,4 +1,4 @@
-"""XML with the place of every element in the file, for edits that leave everything else as it is."""
+"""Parses XML with the position of every element in the file, for edits that do not change the rest of the file."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -11,16 +11,16 @@ _TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """An element and where it stands.
+    """An element and its position.
 
     Attributes:
-        tag: Its name.
-        attributes: Its attributes.
-        line: The line it begins in, from 1.
-        start: Where it begins [bytes].
-        inner_end: Where its end tag begins; with an empty element, where that ends [bytes].
-        end: Where it ends [bytes].
-        children: The elements in it.
+        tag: Tag name.
+        attributes: Attributes.
+        line: Line of the start, from 1.
+        start: Start of the element [bytes].
+        inner_end: Start of its end tag; for an empty element, its end [bytes].
+        end: End of the element [bytes].
+        children: Child elements.
     """
 
     tag: str
@@ -39,12 +39,12 @@ class Element:
 
 
 class Edit(NamedTuple):
-    """What to put in the place of a piece of a file.
+    """The replacement of a part of a file.
 
     Attributes:
-        start: Where the piece begins [bytes].
-        end: Where it ends [bytes].
-        text: What takes its place.
+        start: Start of the part [bytes].
+        end: End of the part [bytes].
+        text: The replacement.
     """
 
     start: int
@@ -56,7 +56,7 @@ def parse(content: bytes) -> Element:
     """Returns the root element.
 
     Raises:
-        expat.ExpatError: It is no XML.
+        expat.ExpatError: The content is not XML.
     """
     parser = expat.ParserCreate()
     top = Element("", {}, 0, 0)
@@ -81,11 +81,11 @@ def parse(content: bytes) -> Element:
 
 
 def edited(content: bytes, edits: Iterable[Edit]) -> bytes:
-    """Returns the file with the edits made; the lines after them keep their numbers.
+    """Returns a file with edits applied; line numbers after the edits do not change.
 
     Args:
-        content: The file.
-        edits: They must not overlap.
+        content: The content of the file.
+        edits: Edits that do not overlap.
     """
     pieces: list[bytes] = []
     at = 0

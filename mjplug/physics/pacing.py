@@ -87,8 +87,9 @@ class Pacer:
         if excess >= MIN_STALL:
             if self._did_not_run.admit(now):
                 _log.warning(
-                    "no step was taken for %.1f s of wall time: the process was stopped, the machine was suspended, "
-                    "or one call blocked the physics thread; simulated time continues where it was%s",
+                    "no step was taken for %.1f s of wall time: the process or the machine was suspended, a call "
+                    "blocked the physics thread, or a lockstep worker was slow; simulated time continues where it "
+                    "was%s",
                     excess,
                     self._did_not_run.suppressed(),
                 )

@@ -1,1 +1,1 @@
-"""Certificates, the folder that holds them, and the roles of those who have one."""
+"""Certificates, the folder that contains them, and the roles of their owners."""

@@ -1,9 +1,9 @@
-"""Makes and reads certificates, with the library `cryptography`.
+"""Creates and reads certificates with the library `cryptography`.
 
-Server certificates are signed by an authority, whose certificate clients trust. Each client certificate is signed by an
-issuer of its own, whose key is thrown away at once. The server trusts a list of these issuers. To revoke a client, its
-issuer is taken out of that list: Zenoh has no revocation lists, and refuses whose issuer it does not know before the
-client gets anything.
+An authority signs server certificates; clients trust the authority's certificate. Each client certificate is signed by
+its own issuer, whose key is discarded at once; the server trusts a list of these issuers. To revoke a client, its
+issuer is removed from the list. This replaces revocation lists, which Zenoh does not support: Zenoh refuses a client of
+an unknown issuer in the handshake.
 """
 
 import ipaddress
@@ -17,10 +17,10 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY_DAYS = 3650
-"""How long an authority and the issuers of clients are valid [days]. Zenoh does not check it."""
+"""Validity of an authority and of the issuers of clients [days]. Zenoh does not check it."""
 
-_SKEW = timedelta(hours=1)
-"""How much the clock of another machine may be behind when a certificate is new."""
+_MAX_CLOCK_SKEW = timedelta(hours=1)
+"""A new certificate is valid from this time ago, because the clock of another machine may be slow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class Pair:
 
 
 def make_authority(name: str) -> Pair:
-    """Makes an authority that signs server certificates.
+    """Creates an authority that signs server certificates.
 
     Args:
-        name: Its common name.
+        name: Common name of the authority.
     """
     key = ec.generate_private_key(ec.SECP256R1())
     until = datetime.now(UTC) + timedelta(days=AUTHORITY_DAYS)
@@ -48,13 +48,13 @@ def make_authority(name: str) -> Pair:
 
 
 def make_server(name: str, authority: Pair, hosts: Sequence[str], until: datetime) -> Pair:
-    """Makes a certificate for a server.
+    """Creates a certificate for a server.
 
     Args:
-        name: Its common name.
-        authority: Signs it.
-        hosts: The names and addresses by which clients call the server.
-        until: When it expires.
+        name: Common name of the server.
+        authority: The authority that signs the certificate.
+        hosts: Names and addresses to which clients connect.
+        until: Time of expiry.
     """
     signer = x509.load_pem_x509_certificate(authority.certificate.encode())
     signing_key = serialization.load_pem_private_key(authority.key.encode(), None)
@@ -64,17 +64,17 @@ def make_server(name: str, authority: Pair, hosts: Sequence[str], until: datetim
 
 
 def make_client(name: str, until: datetime) -> tuple[Pair, str]:
-    """Makes a certificate for a client, and its issuer.
+    """Creates a certificate for a client, and its issuer.
 
     Args:
-        name: Its common name, by which the server knows the client's role.
-        until: When it expires.
+        name: Common name of the client, by which the server finds the client's role.
+        until: Time of expiry.
 
     Returns:
         The client's certificate and key, and the certificate of the issuer for the server's list.
     """
     issuer_key = ec.generate_private_key(ec.SECP256R1())
-    # Two certificates of one name have issuers of two names, as Zenoh finds an issuer by its name.
+    # The issuer's name is unique, also for a second certificate of one client, because Zenoh finds an issuer by name.
     issuer_name = f"issuer of {name} {x509.random_serial_number():x}"[:64]
     issued_until = max(until, datetime.now(UTC) + timedelta(days=AUTHORITY_DAYS))
     issuer = _signed(issuer_name, issuer_key, issuer_name, issuer_key, issued_until, authority=True)
@@ -103,7 +103,7 @@ def _signed(
         .issuer_name(_name(issuer))
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
-        .not_valid_before(min(datetime.now(UTC), until) - _SKEW)
+        .not_valid_before(min(datetime.now(UTC), until) - _MAX_CLOCK_SKEW)
         .not_valid_after(until)
         .add_extension(x509.BasicConstraints(ca=authority, path_length=0 if authority else None), critical=True)
         .add_extension(_usage(authority), critical=True)
@@ -111,7 +111,7 @@ def _signed(
         .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key()), critical=False)
     )
     if not authority:
-        # A server needs both, since it may join another one.
+        # A server needs both, because it may connect to another server.
         purposes = [ExtendedKeyUsageOID.CLIENT_AUTH, *([ExtendedKeyUsageOID.SERVER_AUTH] if hosts else [])]
         builder = builder.add_extension(x509.ExtendedKeyUsage(purposes), critical=False)
     if hosts:

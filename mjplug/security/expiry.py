@@ -1,4 +1,4 @@
-"""When certificates expire."""
+"""Expiry dates of certificates."""
 
 import re
 from datetime import UTC, datetime
@@ -12,9 +12,9 @@ def with_expiry(pem: str, until: datetime) -> str:
 
 
 def expiry_of(pem: str) -> datetime | None:
-    """Returns when a certificate in PEM text expires.
+    """Returns when a certificate in PEM text expires; None if this is unknown.
 
-    Needs the library `cryptography`, or the line that `with_expiry` adds; without both, None.
+    It is known if the library `cryptography` is installed or the text has the line that `with_expiry` adds.
     """
     try:
         from cryptography import x509  # noqa: PLC0415 - an extra
@@ -29,5 +29,5 @@ def expiry_of(pem: str) -> datetime | None:
 
 
 def day(moment: datetime) -> str:
-    """Returns a moment as people read it."""
+    """Returns a time as text, in minutes and UTC."""
     return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M} UTC"

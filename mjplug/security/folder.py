@@ -1,11 +1,11 @@
-"""The folder that `mjplug keys` keeps: an authority, and a certificate for each server and client.
+"""The folder of `mjplug keys`: an authority, and a certificate for each server and client.
 
 ```
 keys/
-  ca.key  ca.pem  keys.json      the authority; stays here
-  server/                        all that a server needs: copy it to the machine that serves
+  ca.key  ca.pem  keys.json      the authority; do not copy these files
+  server/                        all files that a server needs: copy the folder to the server's machine
     server.json5  server.pem  server.key  trust.pem  roles.json  worker.json5
-  operator.json5  viewer.json5   each is all that one client needs
+  operator.json5  viewer.json5   each is the only file that a client needs
 ```
 """
 
@@ -26,7 +26,7 @@ from mjplug.security.roles import KeysError, Role
 
 FORMAT = 1
 DAYS = 365
-"""How long a certificate is valid unless it is said [days]."""
+"""Default validity of a certificate [days]."""
 
 LOCAL = ("localhost", "127.0.0.1", "::1")
 """Names in every server certificate, for worker processes and for clients on the same machine."""
@@ -34,7 +34,7 @@ LOCAL = ("localhost", "127.0.0.1", "::1")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,30}")
 _INDEX = "keys.json"
 _RESERVED = ("trust",)
-"""Names that a server cannot have: its certificate would be in the file of those it trusts."""
+"""Names that a server cannot have, because the name of its certificate file is already used."""
 
 _HOST = re.compile(
     r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9_])?(\.[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9_])?)*"
@@ -43,15 +43,15 @@ _HOST = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Somebody who has, or had, a certificate.
+    """The owner of a certificate, which may be expired or revoked.
 
     Attributes:
-        name: The common name of the certificate.
-        role: What the owner may do.
-        expires: When the certificate expires, in ISO format.
-        revoked: When it was revoked, in ISO format; empty if it was not.
-        issuer: The certificate of its issuer, for the list of those that servers trust; empty for servers.
-        hosts: The names and addresses of a server.
+        name: Common name of the certificate.
+        role: Role of the owner.
+        expires: Time of expiry, in ISO format.
+        revoked: Time of revocation, in ISO format; empty if the certificate is not revoked.
+        issuer: Certificate of the issuer, for the list of issuers that servers trust; empty for servers.
+        hosts: Names and addresses of a server.
     """
 
     name: str
@@ -68,65 +68,65 @@ class Identity:
 
     @property
     def state(self) -> str:
-        """Returns `valid`, or why the certificate is not."""
+        """`valid`, or why the certificate is not valid."""
         if self.revoked:
             return f"revoked {day(datetime.fromisoformat(self.revoked))}"
         return "expired" if self.until <= datetime.now(UTC) else "valid"
 
 
 class KeyFolder:
-    """The folder; each change is written at once.
+    """The folder. Each change is written to disk at once.
 
     Attributes:
-        path: Where it is.
-        identities: All that were ever issued, by name.
+        path: The folder's path.
+        identities: The owners of all certificates that were ever issued, by name.
 
     Args:
-        path: An existing folder of `KeyFolder.create`.
+        path: An existing folder made by `KeyFolder.create`.
 
     Raises:
-        KeysError: There is no authority in it.
+        KeysError: The folder has no authority, or its files are damaged.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            told = json.loads((path / _INDEX).read_text(encoding="utf-8"))
+            index = json.loads((path / _INDEX).read_text(encoding="utf-8"))
             self._authority = Pair((path / "ca.pem").read_text(), (path / "ca.key").read_text())
         except FileNotFoundError as error:
             raise KeysError(
-                f"{path} has no authority ({Path(error.filename).name} is missing); make one with: "
+                f"{path} contains no authority ({Path(error.filename).name} is missing); make one with: "
                 f"mjplug keys init --out {path}"
             ) from None
         except (OSError, ValueError) as error:
             raise KeysError(f"{path / _INDEX} cannot be read: {error}") from None
         try:
-            if told.get("format") != FORMAT:
-                raise KeysError(f"{path / _INDEX} has format {told['format']!r}; this version reads format {FORMAT}")
-            self._port: int = told["port"]
-            entries = (Identity(**{**entry, "hosts": tuple(entry["hosts"])}) for entry in told["identities"])
+            if index.get("format") != FORMAT:
+                raise KeysError(f"{path / _INDEX} has format {index['format']!r}; this version reads format {FORMAT}")
+            self._port: int = index["port"]
+            entries = (Identity(**{**entry, "hosts": tuple(entry["hosts"])}) for entry in index["identities"])
             self.identities = {identity.name: identity for identity in entries}
         except (AttributeError, KeyError, TypeError) as error:
-            raise KeysError(f"{path / _INDEX} is damaged ({error!r}); take it from a backup") from None
+            raise KeysError(f"{path / _INDEX} is damaged ({error!r}); restore it from a backup") from None
 
     @classmethod
     def create(cls, path: Path, hosts: Sequence[str], port: int = 7447, days: float = DAYS) -> "KeyFolder":
-        """Makes an authority and one certificate for each role.
+        """Creates an authority and one certificate for each role.
 
         Args:
-            path: The folder, which may exist, but without an authority.
-            hosts: The names and addresses by which clients call the server; the first is the one they use.
-            port: Where it listens.
-            days: How long the certificates are valid.
+            path: The folder. It may exist, but must not contain an authority.
+            hosts: Names and addresses to which clients connect; the files of clients use the first one.
+            port: Port that the server listens on.
+            days: Validity of the certificates [days].
 
         Raises:
-            KeysError: There is an authority already, or the folder cannot be written.
+            KeysError: The folder already contains an authority, or it cannot be written.
         """
         for name in (_INDEX, "ca.key", "ca.pem"):
             if (path / name).exists():
                 raise KeysError(
-                    f"{path} has an authority already, which is left as it is; add certificates with `mjplug keys "
-                    "add`, or choose another folder with --out"
+                    f"{path} already contains an authority; add certificates with `mjplug keys add`, or choose "
+                    "another folder with --out"
                 )
         _check_hosts(hosts)
         authority = make_authority(f"mjplug authority of {hosts[0]}"[:64])
@@ -141,7 +141,7 @@ class KeyFolder:
             folder.add("operator", "operator", days=days)
             folder.add("viewer", "viewer", days=days)
         except KeysError:
-            # Otherwise a second attempt would find an authority.
+            # Otherwise a second attempt would be refused.
             for name in (_INDEX, "ca.key", "ca.pem"):
                 (path / name).unlink(missing_ok=True)
             raise
@@ -151,46 +151,53 @@ class KeyFolder:
         """Issues a certificate under a new name, or under one whose certificate was revoked.
 
         Args:
-            name: The name.
-            role: What its owner may do.
-            hosts: The names and addresses of a server.
-            days: How long it is valid; a test may give a negative number.
+            name: Common name of the certificate.
+            role: Role of the owner.
+            hosts: Names and addresses of a server.
+            days: Validity [days]; a negative number makes an expired certificate, for tests.
 
         Returns:
-            The Zenoh file to use it.
+            The Zenoh file for the certificate.
 
         Raises:
-            KeysError: The name is taken or not allowed.
+            KeysError: The name is in use or not allowed.
         """
         if not _NAME.fullmatch(name):
             raise KeysError(f"the name {name!r} is not allowed; use 1 to 31 letters, digits, `_`, `.` and `-`")
         known = self.identities.get(name)
         if known is not None and not known.revoked:
             raise KeysError(
-                f"{name} has a certificate already ({known.role}, {known.state}); replace it with `mjplug keys renew "
+                f"{name} already has a certificate ({known.role}, {known.state}); replace it with `mjplug keys renew "
                 f"{name}`, or choose another name"
             )
         alike = next(
             (other for other in self.identities if other != name and other.casefold() == name.casefold()), None
         )
         if alike is not None:
-            raise KeysError(f"{name} and {alike} would be one file where upper and lower case are the same")
+            raise KeysError(
+                f"{name} differs from {alike} only in upper and lower case, which some file systems do not "
+                "distinguish; choose another name"
+            )
         if role != "server" and hosts:
-            raise KeysError(f"only a server has names and addresses by which clients call it; {name} is a {role}")
+            raise KeysError(f"--host is for servers only; {name} is a {role}")
         if role == "server" and not hosts:
-            raise KeysError("a server needs the names or addresses by which clients call it: --host NAME")
+            raise KeysError("a server needs the names or addresses to which clients connect: --host NAME")
         if role == "server" and (name in _RESERVED or (self.path / name).is_file()):
             raise KeysError(f"{name} is the name of another file; choose another name for the server")
         _check_hosts(hosts)
         if role == "server" and known is not None and known.role != "server":
-            raise KeysError(f"{name} was a {known.role}; choose another name for a server")
+            raise KeysError(f"{name} was the name of a {known.role}; choose another name for the server")
         return self._issue(Identity(name, role, "", hosts=tuple(hosts)), days)
 
     def renew(self, name: str, days: float = DAYS) -> Path:
-        """Issues a new certificate in place of an old one, which is valid no more except for a server.
+        """Issues a new certificate that replaces an old one. The old one becomes invalid, except for a server.
+
+        Args:
+            name: Common name of the certificate.
+            days: Validity [days].
 
         Returns:
-            The Zenoh file to use it.
+            The Zenoh file for the certificate.
 
         Raises:
             KeysError: There is no such certificate.
@@ -201,25 +208,25 @@ class KeyFolder:
         return self._issue(known, days)
 
     def revoke(self, name: str) -> None:
-        """Takes a client's certificate out of what servers trust, and its Zenoh file out of the folder.
+        """Removes a client's issuer from the list that servers trust, and the client's Zenoh file from the folder.
 
         Raises:
-            KeysError: There is no such certificate, or it is a server's.
+            KeysError: There is no such certificate, or it belongs to a server.
         """
         known = self._known(name)
         if known.role == "server":
             raise KeysError(
-                f"{name} is a server, and clients trust every certificate of the authority; to get rid of a server, "
-                "make a new authority in another folder: mjplug keys init --out DIR"
+                f"{name} is a server, whose certificate cannot be revoked, because clients trust all certificates of "
+                "the authority; make a new authority in another folder instead: mjplug keys init --out DIR"
             )
         if known.revoked:
-            raise KeysError(f"{name} was revoked already, on {day(datetime.fromisoformat(known.revoked))}")
+            raise KeysError(f"{name} was already revoked on {day(datetime.fromisoformat(known.revoked))}")
         self.identities[name] = replace(known, revoked=datetime.now(UTC).isoformat(timespec="seconds"), issuer="")
         self._save()
         self.file(known).unlink(missing_ok=True)
 
     def file(self, identity: Identity) -> Path:
-        """Returns the Zenoh file of somebody."""
+        """Returns the path of an owner's Zenoh file."""
         if identity.role == "server":
             return self.path / identity.name / f"{identity.name}.json5"
         return self.path / f"{identity.name}.json5"
@@ -230,7 +237,7 @@ class KeyFolder:
         return (identity for identity in self.identities.values() if identity.role == "server")
 
     def endpoint(self) -> str:
-        """Returns where clients connect: the first server's first name."""
+        """Returns the endpoint to which clients connect: the first host of the first server."""
         host = next(self.servers).hosts[0]
         return f"tls/{f'[{host}]' if ':' in host else host}:{self._port}"
 
@@ -252,7 +259,7 @@ class KeyFolder:
             if not file.exists():
                 _write(file, zenoh_files.server(issued.name, f"tls/0.0.0.0:{self._port}"))
         else:
-            # A worker process is told where its server is.
+            # The server passes its endpoint to its worker processes.
             endpoint = "" if issued.role == "worker" else self.endpoint()
             _write(file, zenoh_files.client(issued.name, issued.role, self._authority.certificate, pair, endpoint))
         self._save()
@@ -260,11 +267,11 @@ class KeyFolder:
 
     def _known(self, name: str) -> Identity:
         if name not in self.identities:
-            raise KeysError(f"there is no {name!r} in {self.path}; there are: {', '.join(self.identities)}")
+            raise KeysError(f"unknown name {name!r} in {self.path}; known: {', '.join(self.identities)}")
         return self.identities[name]
 
     def _save(self) -> None:
-        """Writes the list of what was issued, and for each server whom it trusts with what."""
+        """Writes the list of issued certificates, and for each server its roles, trusted issuers and worker file."""
         valid = [identity for identity in self.identities.values() if not identity.revoked]
         roles = json.dumps({identity.name: identity.role for identity in valid}, indent=2)
         trust = self._authority.certificate + "".join(identity.issuer for identity in valid)
@@ -280,39 +287,39 @@ class KeyFolder:
 
 
 def _check_hosts(hosts: Sequence[str]) -> None:
-    """Raises if something is neither a host name nor an address of one machine.
+    """Checks host names and addresses of a server.
 
     Raises:
-        KeysError: It is not.
+        KeysError: One is neither a host name nor an address of one machine.
     """
     for host in hosts:
         try:
             if ipaddress.ip_address(host).is_unspecified:
                 raise KeysError(
-                    f"{host} stands for every address of a machine; name one by which clients call the server"
+                    f"{host} means all addresses of a machine; give a name or address to which clients connect"
                 )
         except ValueError:
             if not _HOST.fullmatch(host):
                 raise KeysError(
-                    f"{host!r} is no host name and no IP address; write it without protocol, port and wildcards, such "
-                    "as sim.lab.example or 192.168.1.5"
+                    f"{host!r} is neither a host name nor an IP address; write it without protocol, port and "
+                    "wildcards, such as sim.lab.example or 192.168.1.5"
                 ) from None
 
 
 def _make_private(folder: Path) -> None:
-    """Makes a folder that only its owner can open; one that is there stays as it is."""
+    """Creates a folder that only its owner can open; does not change an existing folder."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
     except OSError as error:
-        raise KeysError(f"cannot make {folder}: {error.strerror}") from None
+        raise KeysError(f"cannot create {folder}: {error.strerror}") from None
 
 
 def _write(path: Path, text: str) -> None:
-    """Writes a file that only its owner can read, as a whole or not at all.
+    """Writes a file that only its owner can read; if writing fails, the old file remains.
 
     Raises:
-        KeysError: It cannot be written.
+        KeysError: The file cannot be written.
     """
     fresh = path.with_name(f".{path.name}.new")
     try:

@@ -1,4 +1,4 @@
-"""Who may do what: the role of each client, by the name in its certificate or by its user name."""
+"""The roles of clients, which are identified by the name in their certificate or by their user name."""
 
 from collections.abc import Mapping
 from typing import Any, Final, Literal, get_args
@@ -18,22 +18,22 @@ MEANING: Final[Mapping[Role, str]] = {
 
 
 class KeysError(MjplugError):
-    """Something is wrong with certificates, roles or the folder that holds them; the sentence says what to do."""
+    """Certificates, roles or the folder that contains them are invalid; the message says what to do."""
 
 
 def read_roles(given: Any, source: str) -> dict[str, Role]:
-    """Checks a mapping of names to roles, as a file has it.
+    """Checks a mapping of names to roles and returns it.
 
     Args:
-        given: The value that was read.
-        source: The file, for the error.
+        given: The value from a file.
+        source: The file, for the error message.
 
     Raises:
-        KeysError: It is no such mapping.
+        KeysError: The value is not such a mapping.
     """
     if not isinstance(given, dict) or not given:
         raise KeysError(f'{source}: roles must be a mapping of names to roles, such as {{"alice": "viewer"}}')
     for name, role in given.items():
         if role not in ROLES:
-            raise KeysError(f"{source}: {name!r} has the unknown role {role!r}; roles are {', '.join(ROLES)}")
+            raise KeysError(f"{source}: {name!r} has the unknown role {role!r}; known: {', '.join(ROLES)}")
     return given

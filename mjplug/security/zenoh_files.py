@@ -1,4 +1,4 @@
-"""The Zenoh configuration files of those who have certificates."""
+"""The Zenoh configuration files for the owners of certificates."""
 
 import json
 from base64 import b64encode
@@ -8,11 +8,11 @@ from mjplug.security.certificates import Pair
 
 
 def server(name: str, listen: str) -> str:
-    """Returns the file of a server, whose certificates and roles are in files beside it.
+    """Returns the file of a server, whose certificates and roles are in other files of the same folder.
 
     Args:
-        name: The server's name, and that of its certificate's files.
-        listen: The endpoint it listens on.
+        name: The server's name, which is also the name of its certificate's files.
+        listen: The endpoint that it listens on.
     """
     pair = {"certificate": f"{name}.pem", "private_key": f"{name}.key"}
     tls = {
@@ -25,7 +25,7 @@ def server(name: str, listen: str) -> str:
     return _text(
         [
             f"For `mjplug serve CONFIG --zenoh-config {name}.json5`.",
-            "File names count from the folder of this file; for other Zenoh programs, from where they are started.",
+            "File names are relative to the folder of this file; for other Zenoh programs, to the current folder.",
         ],
         {
             "listen": {"endpoints": [listen]},
@@ -37,14 +37,14 @@ def server(name: str, listen: str) -> str:
 
 
 def client(name: str, role: str, authority: str, pair: Pair, endpoint: str) -> str:
-    """Returns the file of a client, with its certificate and key in it: any Zenoh program can use it anywhere.
+    """Returns the file of a client. It includes certificate and key, so any Zenoh program can use it in any folder.
 
     Args:
         name: The client's name.
-        role: Its role, for people and for `mjplug doctor --security`.
-        authority: The certificate of the authority that signs servers.
+        role: Its role, as information for readers and for `mjplug doctor --security`.
+        authority: Certificate of the authority that signs server certificates.
         pair: The client's certificate and key.
-        endpoint: Where to connect; empty leaves it out.
+        endpoint: The endpoint to connect to; empty for none.
     """
     tls = {
         "root_ca_certificate_base64": _base64(authority),
@@ -55,7 +55,7 @@ def client(name: str, role: str, authority: str, pair: Pair, endpoint: str) -> s
         "connect_private_key_base64": _base64(pair.key),
     }
     return _text(
-        [f"The certificate and the private key of {name}: who has this file is {name}. Keep it to yourself."],
+        [f"Contains the private key of {name}: anybody with this file can connect as {name}. Keep it secret."],
         {
             "mode": "client",
             **({"connect": {"endpoints": [endpoint]}} if endpoint else {}),

@@ -70,7 +70,7 @@ class OpenedServer:
             self.server = Server(settings, simulation, self._calls, prepared.plugins, workers, model.path)
             closing.callback(self.server.end)
             rates = TopicRates(self.network, perf_counter())
-            self.server.loop.on_second.insert(0, rates.look)
+            self.server.loop.on_second.insert(0, rates.refresh)
             self.server.diagnostics.add("wire", WireDiagnostics(self.network).diagnose)
             self.server.diagnostics.add("topics", rates.diagnose)
             has_prefix = any(instance_names(settings, name).frame_prefix for name in settings.plugins)

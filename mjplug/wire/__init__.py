@@ -1,1 +1,1 @@
-"""The server's topics and services on Zenoh. Zenoh's threads decode, check and enqueue here, never more."""
+"""The server's topics and services on Zenoh. Zenoh's threads only decode, validate and enqueue messages here."""

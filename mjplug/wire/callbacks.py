@@ -1,4 +1,4 @@
-"""How the server is called back by Zenoh."""
+"""Zenoh callbacks of the server."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -11,5 +11,5 @@ T = TypeVar("T")
 
 
 def callback(function: Callable[[T], Any]) -> "Callback[T]":
-    """Returns a handler that calls a function on Zenoh's own thread; what it logs belongs to the calling server."""
+    """Returns a handler that calls a function on Zenoh's own thread, in the log scope of the calling server."""
     return Callback(bound(function), indirect=False)

@@ -1,4 +1,4 @@
-"""The requests that wait for an answer: any thread may answer, once, and a stop refuses them all."""
+"""Requests that wait for their response. Any thread may respond, once; when the server stops, all are refused."""
 
 import threading
 from collections.abc import Mapping
@@ -13,33 +13,36 @@ from mjplug.wire.replies import Replies
 from mjplug_schemas.message import Message, Service
 
 MAX_OPEN_CALLS = 4096
-"""Default limit of requests that wait at the same time for services of one type."""
+"""Default maximum number of requests that wait at the same time, for all services of one type."""
 
 MAX_OPEN_BYTES = 32 << 20
-"""Default limit of the bytes of all requests that wait at the same time.
+"""Default maximum size of all waiting requests [bytes].
 
-Zenoh keeps a request's payload and attachment until it is answered.
+Zenoh keeps the payload and the attachment of a request until it is answered.
 """
 
-SMALL = 4096
-"""Requests up to this size [bytes] are admitted whatever the larger ones take, so that those cannot keep them out."""
+MAX_SMALL_REQUEST = 4096
+"""Maximum size of a request that does not count towards `MAX_OPEN_BYTES` [bytes], so that large requests cannot block
+small ones."""
 
 Admission = Literal["admitted", "busy", "closed"]
 
 
 class WireCall:
-    """A decoded request. Implements `mjplug.contracts.transport.Call`; any thread may answer, the first answer counts.
+    """A decoded request. Implements `mjplug.contracts.transport.Call`.
+
+    Any thread may respond; the first response is sent and later ones are ignored.
 
     Attributes:
         service: The service's class.
-        size: What Zenoh keeps of the request until it is answered [bytes].
+        size: Size of the data that Zenoh keeps until the request is answered [bytes].
 
     Args:
-        raw: The request as it came.
-        request: The request.
-        form: The form of the request, and so of the response.
+        raw: The encoded request.
+        request: The decoded request.
+        form: The form of the request and of the response.
         service: The service's class.
-        open_calls: Where the call waits.
+        open_calls: The open calls of the session.
     """
 
     def __init__(
@@ -51,23 +54,26 @@ class WireCall:
         self._form = form
         self.service = service
         self._open_calls = open_calls
-        # Emptied by whoever answers: list.pop succeeds in one thread only.
+        # The responding thread takes the request out; list.pop succeeds in one thread only.
         self._raw = [raw]
 
     def respond(self, response: Message) -> None:
         """Sends the response, unless the call has been answered.
 
         Raises:
-            TypeError: It is not a response of this service; the call stays open.
+            TypeError: The response is not of this service's type; the call stays open.
         """
         if type(response) is not self.service.Response:
-            raise TypeError(f"{self.service.TYPE} needs a {self.service.Response.TYPE}, not {type(response).__name__}")
+            raise TypeError(
+                f"the response of {self.service.TYPE} must be a {self.service.Response.TYPE}, "
+                f"not {type(response).__name__}"
+            )
         payload = encode(response, self._form)
         if raw := self._take():
             self._open_calls.replies.post(lambda: raw.reply(payload, self._form))
 
     def refuse(self, reason: str) -> None:
-        """Answers that the request failed, unless the call has been answered."""
+        """Reports that the request failed, unless the call has been answered."""
         if raw := self._take():
             self._open_calls.refuse(raw, self.service, reason, self._form)
 
@@ -81,25 +87,25 @@ class WireCall:
 
 
 class OpenCalls:
-    """The calls of one session that wait for an answer. Thread-safe.
+    """The calls of one session that wait for their response. Thread-safe.
 
     Attributes:
-        replies: Sends the answers.
+        replies: Sends the responses.
 
     Args:
-        limit: How many there may be to services of one type, so that a flood of one leaves the others in reach.
-        most_bytes: How many bytes all of them may have, those of at most `SMALL` bytes aside.
+        limit: Maximum number of calls to services of one type, so that a flood of one type does not block the others.
+        max_bytes: Maximum total size of the calls [bytes], without those of at most `MAX_SMALL_REQUEST` bytes.
     """
 
-    def __init__(self, limit: int = MAX_OPEN_CALLS, most_bytes: int = MAX_OPEN_BYTES) -> None:
+    def __init__(self, limit: int = MAX_OPEN_CALLS, max_bytes: int = MAX_OPEN_BYTES) -> None:
         self._limit = limit
-        self._most_bytes = most_bytes
+        self._max_bytes = max_bytes
         self._bytes = 0
-        # Held while calls are added and removed, by any thread; never while one is answered.
+        # Held while any thread adds or removes a call; never while a response is sent.
         self._lock = threading.Lock()
         self._calls: dict[type[Service], set[WireCall]] = {}
         self._closed: str | None = None
-        self._untold = Rejections("a client got an empty response")
+        self._empty_responses = Rejections("a client got an empty response")
         self.replies = Replies()
 
     def __len__(self) -> int:
@@ -107,23 +113,23 @@ class OpenCalls:
 
     @property
     def bytes(self) -> int:
-        """What Zenoh keeps of the requests that wait [bytes], those of at most `SMALL` bytes aside."""
+        """Total size of the waiting requests [bytes], without those of at most `MAX_SMALL_REQUEST` bytes."""
         return self._bytes
 
     def admit(self, call: WireCall) -> Admission:
-        """Keeps a call until it is answered, or refuses it and says why."""
-        large = call.size if call.size > SMALL else 0
+        """Keeps a call until it is answered, or refuses it; returns which."""
+        large = call.size if call.size > MAX_SMALL_REQUEST else 0
         with self._lock:
             calls = self._calls.setdefault(call.service, set())
             closed = self._closed
             if closed is not None:
                 busy = ""
             elif len(calls) >= self._limit:
-                busy = f"busy: {self._limit} requests are waiting already"
-            elif large and self._bytes + large > self._most_bytes:
+                busy = f"busy: {self._limit} requests are waiting, which is the maximum; try again later"
+            elif large and self._bytes + large > self._max_bytes:
                 busy = (
-                    f"busy: the requests that wait have {self._bytes} bytes already, at most {self._most_bytes} are "
-                    "accepted; send it again when they have been answered"
+                    f"busy: the waiting requests have {self._bytes} bytes; at most {self._max_bytes} are accepted, "
+                    "try again later"
                 )
             else:
                 calls.add(call)
@@ -133,20 +139,20 @@ class OpenCalls:
         return "busy" if closed is None else "closed"
 
     def discard(self, call: WireCall) -> None:
-        """Forgets a call that has been answered."""
+        """Removes a call that has been answered."""
         with self._lock:
             calls = self._calls.get(call.service, set())
             if call in calls:
                 calls.discard(call)
-                self._bytes -= call.size if call.size > SMALL else 0
+                self._bytes -= call.size if call.size > MAX_SMALL_REQUEST else 0
 
     def refuse(self, raw: RawRequest, service: type[Service], reason: str, form: Form) -> None:
-        """Answers a request that will not be carried out, in the words of its response type where it has them."""
-        # What is no ROS string, such as an undecodable file name in an exception, must not keep the answer back.
+        """Refuses a request: with a response if its type has a field `success`, otherwise with an error reply."""
+        # A text that is not a valid ROS string, such as an undecodable file name, must not prevent the reply.
         response = refusal(service.Response, reason := ros_string(reason))
         if response is None and raw.needs_response:
-            # An error reply would hang this client; a response that says nothing is the lesser evil.
-            self._untold.add(f"{service.TYPE} cannot say that a request failed: {reason}")
+            # This client would wait for ever after an error reply, so an empty response is the better choice.
+            self._empty_responses.add(f"{service.TYPE} has no field for a failure: {reason}")
             response = service.Response()
         if response is None:
             self.replies.post(lambda: raw.reply_error(reason))
@@ -155,14 +161,14 @@ class OpenCalls:
             self.replies.post(lambda: raw.reply(payload, form))
 
     def refuse_all(self, reason: str) -> None:
-        """Refuses every call that waits."""
+        """Refuses every waiting call."""
         with self._lock:
             waiting = [call for calls in self._calls.values() for call in calls]
         for call in waiting:
             call.refuse(reason)
 
     def close(self, reason: str) -> None:
-        """Refuses every call, those to come too, and waits until the answers have left."""
+        """Refuses every waiting call and every later call, and waits until the responses are sent."""
         with self._lock:
             self._closed = reason
         self.refuse_all(reason)

@@ -1,14 +1,14 @@
-"""The status `wire`: what was refused, and what waits for an answer."""
+"""The status `wire`: refused messages and requests, and waiting requests."""
 
 from mjplug.contracts.diagnostics import Diagnosis, Level
 from mjplug.wire.network import Network
 
 
 class WireDiagnostics:
-    """Compares the network with what it was at the last diagnosis.
+    """Reports on the period between the last two calls of `diagnose`.
 
     Args:
-        network: What to look at.
+        network: The network to report on.
     """
 
     def __init__(self, network: Network) -> None:
@@ -17,12 +17,12 @@ class WireDiagnostics:
         self._busy = 0
 
     def diagnose(self) -> Diagnosis:
-        """Says how it is; it warns as long as more is refused."""
+        """Returns the status; its level is WARN if messages or requests were refused since the last call."""
         network = self._network
         refused = {name: count for name, count in network.refused().items() if count}
         busy = {name: count for name, count in network.busy().items() if count}
-        unreadable, self._refused = sum(refused.values()) - self._refused, sum(refused.values())
-        rushed, self._busy = sum(busy.values()) - self._busy, sum(busy.values())
+        new_refused, self._refused = sum(refused.values()) - self._refused, sum(refused.values())
+        new_busy, self._busy = sum(busy.values()) - self._busy, sum(busy.values())
         values: dict[str, object] = {
             "endpoint": network.session.endpoint,
             "open requests": len(network.open_calls),
@@ -33,13 +33,13 @@ class WireDiagnostics:
         }
         values |= {f"refused on {name}": count for name, count in refused.items()}
         values |= {f"refused as busy on {name}": count for name, count in busy.items()}
-        troubles = []
-        if unreadable:
-            what = "a message or request" if unreadable == 1 else f"{unreadable} messages or requests"
-            troubles.append(f"{what} could not be read; the log says why")
-        if rushed:
-            what = "a request was" if rushed == 1 else f"{rushed} requests were"
-            troubles.append(f"{what} refused as busy")
-        if troubles:
-            return Diagnosis(Level.WARN, "; ".join(troubles), values)
+        problems = []
+        if new_refused:
+            what = "a message or request" if new_refused == 1 else f"{new_refused} messages or requests"
+            problems.append(f"{what} could not be read; the log says why")
+        if new_busy:
+            what = "a request was" if new_busy == 1 else f"{new_busy} requests were"
+            problems.append(f"{what} refused as busy")
+        if problems:
+            return Diagnosis(Level.WARN, "; ".join(problems), values)
         return Diagnosis(Level.OK, f"reachable at {network.session.endpoint}", values)

@@ -1,7 +1,7 @@
-"""The seam for another way to speak: how one ROS name becomes Zenoh entities, behind what publishers and services see.
+"""The interface of a dialect: how topics and services are mapped to Zenoh.
 
-A dialect knows keys, encodings, attachments and tokens. It declares writers for a publisher, subscribers for a
-subscription, and queryables for a service. It knows neither message values nor what is done with them.
+A dialect defines keys, encodings, attachments and liveliness tokens. It declares writers for a publisher, subscribers
+for a subscription, and queryables for a service. It does not handle decoded messages.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,41 +14,44 @@ from mjplug.wire.encoding import Form, Received
 
 
 class KeyWriter(Protocol):
-    """One key that a publisher writes to."""
+    """A key to which a publisher writes."""
 
     @property
     def form(self) -> Form:
-        """What it carries."""
+        """The form of the payloads."""
 
     @property
     def matched(self) -> bool:
-        """Whether a put reaches anybody, now or as a late joiner."""
+        """Whether the key has a subscriber. Always true for a latched topic, because of late subscribers."""
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message. Physics thread."""
 
     def refresh(self, key: str) -> bool:
-        """Brings `matched` up to date if this is the writer's key; returns whether a subscriber was found. Any thread.
+        """Updates `matched` at once if `key` is the writer's key; returns whether a subscriber was found. Any thread.
 
-        `matched` follows subscribers with a delay.
+        Without it, `matched` follows new subscribers with a delay.
         """
 
-    def look(self) -> None:
-        """Brings `matched` up to date, whatever the key; it takes about 6 µs. Any thread."""
+    def refresh_matched(self) -> None:
+        """Updates `matched` at once; takes about 6 µs. Any thread."""
 
     def remote_spec(self) -> "RemoteWriterSpec":
-        """Returns what another process needs to write to this key as if it were the server."""
+        """Returns the data with which another process can write to this key in place of the server."""
 
 
 class RemoteWriterSpec(Protocol):
-    """The right to write to a key in place of the server, which keeps the tokens and the listing. It pickles."""
+    """The data with which another process writes to a key in place of the server. Picklable.
+
+    The server keeps the liveliness tokens and the list of interfaces.
+    """
 
     def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> KeyWriter:
-        """Declares the writer on another session; `on_matched` is to be called when it gets its first listener."""
+        """Declares the writer on another session; `on_matched` is called when it gets its first subscriber."""
 
 
 class RawRequest(Protocol):
-    """One request as it came, with a way back. Answered or dropped once, from any thread."""
+    """An encoded request and the means to reply to it. Any thread may reply, once."""
 
     @property
     def received(self) -> Received:
@@ -56,7 +59,7 @@ class RawRequest(Protocol):
 
     @property
     def size(self) -> int:
-        """What Zenoh keeps of the request until it is answered [bytes]."""
+        """Size of the data that Zenoh keeps until the request is answered [bytes]."""
 
     @property
     def parameters(self) -> Mapping[str, str]:
@@ -64,35 +67,35 @@ class RawRequest(Protocol):
 
     @property
     def needs_response(self) -> bool:
-        """Whether the client needs a response of the type in any case: an error reply leaves ROS clients hanging."""
+        """Whether the client needs a response of the service's type, because it waits for ever after an error reply."""
 
     def reply(self, payload: bytes, form: Form) -> None:
-        """Sends the encoded response, and ends the request."""
+        """Sends the encoded response and ends the request."""
 
     def reply_error(self, sentence: str) -> None:
-        """Answers that there is no response, and ends the request."""
+        """Sends an error reply and ends the request."""
 
 
 class Dialect(Protocol):
-    """One way to put topics and services on Zenoh. The callbacks it is given come back on Zenoh's threads."""
+    """A mapping of topics and services to Zenoh. Callbacks run on Zenoh's threads."""
 
     def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
-        """Returns the keys of a topic, by the names that the listing of interfaces gives them."""
+        """Returns the keys of a topic, by their field names in the list of interfaces."""
 
     def service_keys(self, service: ServiceName) -> Mapping[str, str]:
-        """Returns the keys of a service, likewise."""
+        """Returns the keys of a service, by their field names in the list of interfaces."""
 
     def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
-        """Declares what a publisher needs; `on_matched` is to be called when a writer gets its first listener."""
+        """Declares the writers of a publisher; `on_matched` is called when a writer gets its first subscriber."""
 
     def declare_subscribers(self, topic: Topic[Any], receive: Callable[[Received], None]) -> None:
-        """Declares what a subscription needs."""
+        """Declares the subscribers of a subscription; `receive` is called with every payload."""
 
     def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
-        """Declares what a service needs."""
+        """Declares the queryable of a service; `receive` is called with every request."""
 
     def refused(self) -> Mapping[str, int]:
-        """Returns how many queries could not even be read as requests, by the name of the service."""
+        """Returns the number of queries that are not requests, by the name of the service."""
 
     def close(self) -> None:
-        """Makes every writer unmatched, for good; the session undeclares the rest."""
+        """Makes every writer unmatched permanently; the session undeclares the other entities."""

@@ -1,4 +1,4 @@
-"""The two forms of a payload, CDR and JSON: how they are marked, recognised and decoded."""
+"""The two forms of a payload, CDR and JSON: their Zenoh encodings, detection and decoding."""
 
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
@@ -14,48 +14,48 @@ M = TypeVar("M", bound=Message)
 Form = Literal["cdr", "json"]
 
 MAX_PAYLOAD = 1 << 20
-"""Default limit of what is taken from others [bytes]: decoding is work that a stranger can ask for."""
+"""Default maximum size of a received payload [bytes], because any client can make the server decode payloads."""
 
 MAX_JSON = 64 * 1024
-"""Default limit of a JSON payload [bytes].
+"""Default maximum size of a JSON payload [bytes].
 
-JSON is decoded in one call that holds Python's global lock, so physics waits for the end of it. What the call costs
-grows with what the text contains: about 0.2 µs for a number, 1.3 µs for a field that the type does not have, 6 µs for
-an object. The limits keep the worst text that is decoded at about 6 ms. CDR is decoded in small steps, between which
-physics runs; the longest wait is for Python's garbage collector (46 ms with 8700 wrenches in 1 MiB).
+JSON is decoded in one call that holds Python's global interpreter lock, so physics waits until it ends. The time
+depends on the content: about 0.2 µs for a number, 1.3 µs for an unknown field, 6 µs for an object. With these limits,
+the slowest accepted text takes about 6 ms. CDR is decoded in small steps, between which physics runs; the longest wait
+is for Python's garbage collector (46 ms with 8700 wrenches in 1 MiB).
 """
 
 _BYTES_PER_OBJECT = 64
 _BYTES_PER_FIELD = 16
-"""A JSON payload may have one object for so many bytes of its limit, and one field for so many.
+"""The maximum number of objects and of fields in a JSON payload is its size limit divided by these numbers [bytes].
 
-That is 1024 objects and 4096 fields by default. Objects are counted by `{` and fields by `:`, which takes 30 µs.
+By default that is 1024 objects and 4096 fields. Objects are counted by `{` and fields by `:`, which takes 30 µs.
 """
 
 MAX_TYPE_NAME = 255
-"""The longest type name that Zenoh's encoding can carry [bytes]."""
+"""Maximum length of a type name in a Zenoh encoding [bytes]."""
 
 TEXT = zenoh.Encoding.TEXT_PLAIN
-"""What error replies are: one sentence."""
+"""Encoding of error replies."""
 
 _FORMS: dict[str, Form] = {"application/cdr": "cdr", "application/json": "json", "text/json": "json"}
-_UNSTATED = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
-"""What clients send that do not say, or that only say that it is bytes or text."""
+_UNSPECIFIC_ENCODINGS = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
+"""Encodings that do not state whether the payload is CDR or JSON."""
 
 _CDR_STARTS = (b"\0\0", b"\0\1")
 
 
 class PayloadError(RequestError):
-    """A payload that cannot be a message of the type; the sentence goes to the client, or to the log."""
+    """A payload is not a valid message of the type. The text is sent to the client or logged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How much is accepted in one message or request.
+    """Size limits of a received message or request.
 
     Attributes:
-        payload: The longest payload [bytes].
-        json: The longest payload of JSON [bytes].
+        payload: Maximum size of a payload [bytes].
+        json: Maximum size of a JSON payload [bytes].
     """
 
     payload: int = MAX_PAYLOAD
@@ -65,18 +65,19 @@ class Limits:
         """Checks JSON text before it is decoded.
 
         Raises:
-            PayloadError: Decoding it would take too long; the sentence says to send CDR.
+            PayloadError: Decoding it would take too long.
         """
         size = len(raw)
         if size > self.json:
             raise PayloadError(
-                f"the JSON has {size} bytes; at most {self.json} are accepted (zenoh.max_json_bytes), send CDR"
+                f"the JSON has {size} bytes; at most {self.json} are accepted (zenoh.max_json_bytes), send CDR instead"
             )
-        for what, mark, least in (("objects", b"{", _BYTES_PER_OBJECT), ("fields", b":", _BYTES_PER_FIELD)):
-            most, count = self.json // least, raw.count(mark)
-            if count > most:
+        for what, mark, size_per_item in (("objects", b"{", _BYTES_PER_OBJECT), ("fields", b":", _BYTES_PER_FIELD)):
+            max_count, count = self.json // size_per_item, raw.count(mark)
+            if count > max_count:
                 raise PayloadError(
-                    f"the JSON has {count} {what} (counted by '{mark.decode()}'); at most {most} are accepted, send CDR"
+                    f"the JSON has {count} {what} (counted by '{mark.decode()}'); "
+                    f"at most {max_count} are accepted, send CDR instead"
                 )
 
 
@@ -84,17 +85,17 @@ DEFAULT_LIMITS = Limits()
 
 
 def encoding_of(form: Form, type: type[Message]) -> zenoh.Encoding:
-    """Returns the mark for a payload: `application/cdr;std_msgs/msg/String` or `application/json`.
+    """Returns the Zenoh encoding of a payload: `application/cdr;std_msgs/msg/String` or `application/json`.
 
     Raises:
-        WireError: The name of the type is too long for Zenoh, which would panic when it sends it.
+        WireError: The name of the type is too long; Zenoh would panic when sending it.
     """
     if form == "json":
         return zenoh.Encoding.APPLICATION_JSON
     if (size := len(type.TYPE.encode())) > MAX_TYPE_NAME:
         raise WireError(
-            f"the name of the type {quoted(type.TYPE)} has {size} bytes; Zenoh can send names of {MAX_TYPE_NAME} bytes "
-            "at most, so give the package or the type a shorter one"
+            f"the type name {quoted(type.TYPE)} has {size} bytes; Zenoh accepts at most {MAX_TYPE_NAME}, "
+            "so shorten the name of the package or of the type"
         )
     return zenoh.Encoding.APPLICATION_CDR.with_schema(type.TYPE)
 
@@ -106,29 +107,29 @@ def encode(message: Message, form: Form) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A payload as it came.
+    """A received payload.
 
     Attributes:
-        payload: The bytes; None where a request has none.
-        encoding: What the sender says they are.
-        only: The one form that is possible where it came in; None where both are.
-        unfit: Why it cannot be a message of the type, where this is known without decoding it; otherwise empty.
+        payload: The bytes; None for a request without payload.
+        encoding: The encoding that the sender states.
+        only: The only form that is accepted on this key; None if both are.
+        mismatch: Why the payload cannot be a message of the type, if this is known without decoding; otherwise empty.
     """
 
     payload: zenoh.ZBytes | None
     encoding: zenoh.Encoding | None
     only: Form | None = None
-    unfit: str = ""
+    mismatch: str = ""
 
 
 class Decoder(Generic[M]):
-    """Turns payloads into messages of one type.
+    """Decodes payloads to messages of one type.
 
     Args:
         type: The message's class.
-        limits: How much is accepted.
-        also: A second type name that senders may state, such as that of the service a request belongs to.
-        empty: Whether no payload at all means a message with its initial values.
+        limits: Size limits.
+        also: A second type name that senders may state, such as that of the service of a request.
+        empty: Whether a missing payload means a message with default values.
     """
 
     def __init__(self, type: type[M], limits: Limits = DEFAULT_LIMITS, also: str = "", empty: bool = False) -> None:
@@ -141,10 +142,10 @@ class Decoder(Generic[M]):
         """Returns the form of a payload and the message in it.
 
         Raises:
-            PayloadError: It is too long, of another type or encoding, or not a valid message.
+            PayloadError: The payload is too large, has another type or encoding, or is not a valid message.
         """
-        if received.unfit:
-            raise PayloadError(received.unfit)
+        if received.mismatch:
+            raise PayloadError(received.mismatch)
         size = 0 if received.payload is None else len(received.payload)
         if size > self._limits.payload:
             raise PayloadError(
@@ -164,13 +165,13 @@ class Decoder(Generic[M]):
 
     def _stated(self, received: Received) -> Form | None:
         name, _, schema = ("" if received.encoding is None else str(received.encoding)).partition(";")
-        form = received.only if name in _UNSTATED else _FORMS.get(name)
-        if form is None and name not in _UNSTATED:
-            raise PayloadError(f"the encoding is {name!r}; application/cdr and application/json are accepted")
+        form = received.only if name in _UNSPECIFIC_ENCODINGS else _FORMS.get(name)
+        if form is None and name not in _UNSPECIFIC_ENCODINGS:
+            raise PayloadError(f"the encoding is {name!r}; only application/cdr and application/json are accepted")
         if received.only not in (None, form):
             raise PayloadError(f"the encoding is {name!r}; only {received.only.upper()} is accepted on this key")
         if name in _FORMS and schema not in self._names:
-            raise PayloadError(f"the encoding says {schema!r}; {self._type.TYPE!r} is expected")
+            raise PayloadError(f"the encoding states the type {schema!r}; {self._type.TYPE!r} is expected")
         return form
 
 
@@ -180,4 +181,7 @@ def _sniff(raw: bytes) -> Form:
     if raw.lstrip()[:1] == b"{":
         return "json"
     what = f"starts with {raw[:4].hex(' ')}" if raw else "is empty"
-    raise PayloadError(f"the payload {what}, which is neither CDR nor a JSON object, and no encoding is stated")
+    raise PayloadError(
+        f"the payload {what}, so it is neither CDR nor a JSON object; "
+        "state the encoding application/cdr or application/json"
+    )

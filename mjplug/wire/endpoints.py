@@ -1,4 +1,4 @@
-"""Zenoh endpoints such as `tcp/127.0.0.1:7447`: free ports, and which address reaches a listener."""
+"""Zenoh endpoints such as `tcp/127.0.0.1:7447`: free ports, and addresses to connect to."""
 
 import re
 import socket
@@ -11,15 +11,15 @@ _ANY_TO_LOOPBACK = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 def has_free_port(endpoint: str) -> bool:
-    """Whether an endpoint leaves the port to the machine: `tcp/127.0.0.1:0`."""
+    """Returns whether the port of an endpoint is 0, which means any free port: `tcp/127.0.0.1:0`."""
     match = _ADDRESS.fullmatch(endpoint)
     return match is not None and int(match["port"]) == 0
 
 
 def with_free_port(endpoint: str) -> str:
-    """Replaces port 0 by a port that is free now; another endpoint is returned as it is.
+    """Replaces port 0 by a port that is free now; returns any other endpoint unchanged.
 
-    Zenoh could choose by itself, but then nobody could say which port it took.
+    Zenoh could choose the port itself, but does not report which one it chose.
 
     Raises:
         WireError: The host is not an address of this machine.
@@ -46,7 +46,7 @@ def on_free_port(endpoint: str) -> str:
 
 
 def dialable(endpoint: str) -> str:
-    """Returns the endpoint that a program on this machine connects to: `0.0.0.0` and `[::]` become loopback."""
+    """Returns the endpoint to which a program on this machine connects: `0.0.0.0` and `[::]` become loopback."""
     match = _ADDRESS.fullmatch(endpoint)
     if match is None or match["host"] not in _ANY_TO_LOOPBACK:
         return endpoint

@@ -1,4 +1,4 @@
-"""Which endpoints that a session listens on are open to other machines without authentication."""
+"""Finds the listening endpoints of a session that accept other machines without authentication."""
 
 import ipaddress
 import json
@@ -11,15 +11,15 @@ import zenoh
 _ADDRESS = re.compile(r"(?P<protocol>[a-z0-9_-]+)/(?P<host>\[[^\]]*\]|[^:/?#]*):(?P<port>\d+)(?P<rest>[?#].*)?")
 _LOCAL = ("unixsock-stream", "unixpipe", "vsock", "serial")
 _TLS = ("tls", "quic", "quic_datagram")
-_OPEN = (
-    "any program that reaches it can command, reset and reconfigure the simulation; "
+_ADVICE = (
+    "any program that can connect to it can command, reset and reconfigure the simulation; "
     "set passwords or client certificates in the Zenoh configuration file (see Security in the documentation), "
     "or listen on 127.0.0.1"
 )
 
 
 def warnings(listening: Sequence[str], config: zenoh.Config) -> list[str]:
-    """Returns one sentence for each endpoint beyond loopback that asks clients for neither password nor certificate.
+    """Returns a warning for each endpoint beyond loopback that requires neither a password nor a client certificate.
 
     Args:
         listening: The endpoints that a session listens on.
@@ -35,10 +35,10 @@ def warnings(listening: Sequence[str], config: zenoh.Config) -> list[str]:
         if protocol in _LOCAL or (match is not None and _is_loopback(match["host"])):
             continue
         if protocol not in _TLS:
-            found.append(f"{endpoint} accepts everybody, and nothing is encrypted: {_OPEN}")
+            found.append(f"{endpoint} accepts all clients without authentication or encryption: {_ADVICE}")
         elif not (mutual_tls or (match is not None and "enable_mtls=true" in (match["rest"] or ""))):
             found.append(
-                f"{endpoint} is encrypted, but accepts clients without a certificate (no enable_mtls): {_OPEN}"
+                f"{endpoint} is encrypted, but accepts clients without a certificate (no enable_mtls): {_ADVICE}"
             )
     return found
 

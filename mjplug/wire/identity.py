@@ -1,4 +1,4 @@
-"""One server per name: each keeps a liveliness token, and a second one with the same name is refused."""
+"""Ensures that server names are unique: each server declares a liveliness token with its name."""
 
 import logging
 import time
@@ -15,51 +15,51 @@ from mjplug_schemas import names
 _LOG = logging.getLogger(__name__)
 
 _QUERY_TIMEOUT = 2.0
-"""How long to wait for tokens [s]; the answer comes within a millisecond unless the network is in trouble."""
+"""Timeout of the query for tokens [s]; on a working network it takes less than a millisecond."""
 
-_CHALLENGE = 2.0
-"""How long the holder of a name has to answer [s]; a server answers within milliseconds, whatever its physics does."""
+_HOLDER_TIMEOUT = 2.0
+"""Timeout for an answer from the holder of a name [s]; a server answers within milliseconds, even under load."""
 
-_RETRY = 0.1
-"""Pause between two questions to the holder [s]."""
+_RETRY_INTERVAL = 0.1
+"""Interval between two queries to the holder [s]."""
 
 
 def refuse_duplicate(session: zenoh.Session, name: str) -> None:
-    """Checks that no server on the network has this name.
+    """Checks that no other server on the network has this name.
 
-    Any program can declare a token, so a token alone does not keep a server from starting: its holder is asked for its
-    interfaces. If there is no answer within 2 s, a warning is logged.
+    Any program can declare a token, so the token alone is no proof of a server: its holder is queried for its
+    interfaces. If it does not answer within 2 s, a warning is logged and the start continues.
 
-    Ask through a client session: a router tells its clients about everybody at once, a peer learns it bit by bit.
+    Use a client session, because a router gives its clients all tokens at once, but a peer discovers them gradually.
 
     Args:
-        session: A session on the network.
+        session: A client session on the network.
         name: The server's full name, such as `/robot1/mjplug`.
 
     Raises:
-        WireError: A server has it.
+        WireError: Another server has this name.
     """
-    until = time.monotonic() + _CHALLENGE
+    until = time.monotonic() + _HOLDER_TIMEOUT
     while (holder := _token_holder(session, name)) is not None:
-        if _answers(session, name, until - time.monotonic()):
+        if _server_answers(session, name, until - time.monotonic()):
             raise WireError(
                 f"a server named {name} is already on this network (Zenoh id {holder}); "
                 "stop it, or give this one another namespace, such as --set namespace=robot2"
             )
         if time.monotonic() >= until:
             _LOG.warning(
-                "Zenoh id %s announces a server named %s, but no such server answered within %g s: starting all the "
-                "same. If a server of this name hangs, stop it, or give this one another namespace",
+                "Zenoh id %s announces a server named %s, but did not answer within %g s; this server starts anyway. "
+                "If a server of this name hangs, stop it, or give this one another namespace",
                 holder,
                 name,
-                _CHALLENGE,
+                _HOLDER_TIMEOUT,
             )
             return
-        time.sleep(_RETRY)
+        time.sleep(_RETRY_INTERVAL)
 
 
 def _token_holder(session: zenoh.Session, name: str) -> str | None:
-    """Returns the Zenoh id in a token of the name; None if there is no token."""
+    """Returns the Zenoh id in a token of this name; None if there is no token."""
     found = None
     for reply in session.liveliness().get(_tokens_of(name), timeout=_QUERY_TIMEOUT):
         if reply.ok is not None:
@@ -67,12 +67,14 @@ def _token_holder(session: zenoh.Session, name: str) -> str | None:
     return found
 
 
-def _answers(session: zenoh.Session, name: str, seconds: float) -> bool:
-    """Whether a server of this name answers within a time [s]."""
-    # Without consolidation, since Zenoh would keep the reply back until every other program that matches has answered.
+def _server_answers(session: zenoh.Session, name: str, seconds: float) -> bool:
+    """Returns whether a server of this name answers within `seconds` [s]."""
+    # With consolidation, Zenoh would delay the reply until all other matching programs have answered.
     mode = zenoh.ConsolidationMode.NONE
-    for reply in session.get(f"{names.key(name)}/interfaces", consolidation=mode, timeout=max(seconds, _RETRY)):
-        # Whatever is answered, somebody serves this name.
+    for reply in session.get(
+        f"{names.key(name)}/interfaces", consolidation=mode, timeout=max(seconds, _RETRY_INTERVAL)
+    ):
+        # Any reply proves that a server uses this name.
         del reply
         return True
     return False
@@ -80,26 +82,30 @@ def _answers(session: zenoh.Session, name: str, seconds: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A name that is ours for as long as the session is open."""
+    """A server name that this session has claimed, until it is closed.
+
+    Attributes:
+        token: The liveliness token.
+        watcher: Reports other tokens of the same name.
+    """
 
     token: zenoh.LivelinessToken
     watcher: zenoh.Subscriber[None]
 
 
 def claim(session: zenoh.Session, name: str) -> Claim:
-    """Declares the server's token, and keeps an eye on the name.
+    """Declares the server's token, and logs an error if another server of the same name appears.
 
-    Two networks may be joined later, and two servers may start in the same millisecond: then both stay, and both log
-    an error.
+    This can happen if two networks are joined later or if two servers start in the same millisecond. Both keep running.
     """
     own = str(session.zid())
-    others = Rejections(f"the name {name} is announced by others too", logging.ERROR)
+    others = Rejections(f"another server named {name} appeared", logging.ERROR)
 
     def appeared(sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT and (other := _holder(sample)) != own:
             others.add(
-                f"another server named {name} has appeared on this network (Zenoh id {other}): requests may reach "
-                "either; stop one of them, or give it another namespace"
+                f"Zenoh id {other} is on this network with the same name, so each request may reach either server; "
+                "stop one of them, or give it another namespace"
             )
 
     liveliness = session.liveliness()

@@ -1,4 +1,4 @@
-"""What a subscription reads from: a key as it comes, or with what was published on it before."""
+"""Declares the Zenoh subscriber of a key: a plain one, or one with history for latched topics."""
 
 import zenoh
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
@@ -8,9 +8,9 @@ from mjplug.contracts.transport import QoS
 
 
 def declare_key_subscriber(session: zenoh.Session, key: str, handler: "Callback[zenoh.Sample]", qos: QoS) -> object:
-    """Declares a subscriber as ROS's quality of service asks; it lives as long as the returned object.
+    """Declares a subscriber with ROS's quality of service; it exists as long as the returned object.
 
-    A latched topic's subscriber also gets the last `qos.depth` samples of publishers that were, or come, before it.
+    The subscriber of a latched topic also gets the last `qos.depth` samples of every publisher, early or late.
     """
     if qos.durability == "volatile":
         return session.declare_subscriber(key, handler)

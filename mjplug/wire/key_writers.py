@@ -1,7 +1,8 @@
-"""What a publisher writes to: a key for those who listen now, or one that late joiners can still read.
+"""The Zenoh publishers of a key: for current subscribers only, or also for late subscribers (latched).
 
-All of them are reliable to Zenoh, the best-effort topics of ROS too, since Zenoh before 1.6 throws away what is best
-effort and comes in one batch with something reliable. A slow listener costs messages in either case: congestion drops.
+All publishers are reliable in Zenoh, also those of best-effort ROS topics, because Zenoh before 1.6 drops a best-effort
+message that is in one batch with a reliable one. In either case, messages to a slow subscriber are dropped
+(congestion control DROP).
 """
 
 import threading
@@ -19,19 +20,20 @@ from mjplug.wire.dialect import RemoteWriterSpec
 from mjplug.wire.encoding import Form
 
 WORKER_PRIORITY = zenoh.Priority.DATA_LOW
-"""Of what a worker process publishes, which is large: it has a queue of its own in each link. In one with the rest, a
-link that is full of images makes a put of the server wait for up to 50 ms, and loses what is small.
+"""Zenoh priority of publications of worker processes, which are large. Each priority has its own queue in a link. In a
+common queue, images that fill a link would delay a put of the server by up to 50 ms and displace small messages.
 """
 
-_HEARTBEAT = 0.5
-"""How soon a subscriber learns that it missed the last message of a reliable latched topic [s]; rmw_zenoh's value."""
+_HEARTBEAT_PERIOD = 0.5
+"""Heartbeat period by which a subscriber detects that it missed the last message of a reliable latched topic [s]; the
+value of rmw_zenoh."""
 
 
 class LiveWriter:
-    """A key for those who listen now. `matched` follows Zenoh's matching status; `refresh` brings it up to date.
+    """A publisher for current subscribers. `matched` follows Zenoh's matching status; `refresh` updates it at once.
 
-    Congestion drops, as in rmw_zenoh: a slow listener must not hold up physics. Express is left off: it gains nothing
-    for paced messages and costs several microseconds in bursts.
+    Congestion control is DROP, as in rmw_zenoh, so that a slow subscriber does not delay physics. Express mode is off:
+    it has no advantage for paced messages and costs several microseconds in bursts.
     """
 
     def __init__(
@@ -59,7 +61,7 @@ class LiveWriter:
             reliability=zenoh.Reliability.RELIABLE,
         )
         self._put = self._publisher.put
-        # Tells the present status at once if somebody matches already.
+        # The listener reports the current status at once if there already is a subscriber.
         self._listener = self._publisher.declare_matching_listener(callback(self._changed))
 
     def put(self, payload: zenoh.ZBytes) -> None:
@@ -67,17 +69,17 @@ class LiveWriter:
         self._put(payload)
 
     def remote_spec(self) -> RemoteWriterSpec:
-        """Returns what another process needs to write to the key."""
+        """Returns the data with which another process can write to the key."""
         return self._remote_spec
 
-    def look(self) -> None:
-        """Brings `matched` up to date."""
+    def refresh_matched(self) -> None:
+        """Updates `matched` at once."""
         self.refresh(self._key)
 
     def refresh(self, key: str) -> bool:
-        """Brings `matched` up to date if this is the writer's key; returns whether it is, with a subscriber.
+        """Updates `matched` if `key` is the writer's key; returns whether it is, and has a subscriber.
 
-        Zenoh reports a new subscriber on a thread of its own, on a busy machine after the next request of the same
+        Zenoh reports a new subscriber on a separate thread, on a busy machine only after the next request of the same
         client has been delivered.
         """
         if key != self._key:
@@ -88,24 +90,24 @@ class LiveWriter:
             status: Any = self._publisher.matching_status
             self.matched = status.matching and not self._closed
             if self.matched and not before:
-                # Under the lock, so that nobody returns from here before it has been called.
+                # Under the lock, so that no thread returns from here before `on_matched` has been called.
                 self._on_matched()
             return self.matched
 
     def close(self) -> None:
-        """Makes it unmatched for good."""
+        """Makes the writer unmatched permanently."""
         with self._lock:
             self._closed = True
             self.matched = False
 
     def _changed(self, status: zenoh.MatchingStatus) -> None:
-        # Not `status`, which is older than what `refresh` may have found meanwhile.
+        # `refresh` reads the status again, because `status` may be older than the last one read there.
         self.refresh(self._key)
 
 
 @dataclass(frozen=True, slots=True)
 class LiveWriterSpec:
-    """A `LiveWriter` to be; see there."""
+    """The arguments of a `LiveWriter`; picklable."""
 
     key: str
     form: Form
@@ -119,10 +121,10 @@ class LiveWriterSpec:
 
 
 class LatchedWriter:
-    """A key whose last messages late joiners still get, so that it is written to even if nobody listens.
+    """A publisher whose last messages late subscribers get. It publishes even without subscribers.
 
-    Subscribers with a history (Zenoh's advanced subscriber, rmw_zenoh, zenoh-bridge-ros2dds) get them from the
-    publisher's cache. Any other client gets them with a query on the key itself.
+    Subscribers with history (Zenoh's advanced subscriber, rmw_zenoh, zenoh-bridge-ros2dds) get the last messages from
+    the publisher's cache. Any other client gets them by a query on the key.
     """
 
     def __init__(self, session: zenoh.Session, key: str, form: Form, encoding: zenoh.Encoding, qos: QoS) -> None:
@@ -141,7 +143,7 @@ class LatchedWriter:
             reliability=zenoh.Reliability.RELIABLE,
             cache=CacheConfig(qos.depth),
             publisher_detection=True,
-            sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
+            sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT_PERIOD)
             if reliable
             else None,
         )
@@ -153,18 +155,18 @@ class LatchedWriter:
         self._publisher.put(payload)
 
     def remote_spec(self) -> RemoteWriterSpec:
-        """Returns what another process needs to write to the key."""
+        """Returns the data with which another process can write to the key."""
         return self._remote_spec
 
-    def look(self) -> None:
-        """Does nothing: it is always matched."""
+    def refresh_matched(self) -> None:
+        """Does nothing; the writer is always matched."""
 
     def refresh(self, key: str) -> bool:
-        """Returns false: it is always matched, and late subscribers miss nothing."""
+        """Returns False; the writer is always matched, and late subscribers miss no message."""
         return False
 
     def close(self) -> None:
-        """Makes it unmatched for good."""
+        """Makes the writer unmatched permanently."""
         self.matched = False
 
     def _answer(self, query: zenoh.Query) -> None:
@@ -175,7 +177,7 @@ class LatchedWriter:
 
 @dataclass(frozen=True, slots=True)
 class LatchedWriterSpec:
-    """A `LatchedWriter` to be; see there."""
+    """The arguments of a `LatchedWriter`; picklable."""
 
     key: str
     form: Form
@@ -183,5 +185,5 @@ class LatchedWriterSpec:
     qos: QoS
 
     def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedWriter:
-        """Declares the writer; it is matched from the beginning."""
+        """Declares the writer; it is matched from the start, so `on_matched` is not called."""
         return LatchedWriter(session, self.key, self.form, zenoh.Encoding(self.encoding), self.qos)

@@ -1,9 +1,9 @@
-"""Keeps the end of a link from stopping the other links.
+"""Prevents the end of one link from blocking the other links.
 
-Zenoh sets SO_LINGER to 10 s on the sockets of TCP and TLS links. On Linux, closing such a socket then blocks
-for up to 10 s while the other side acknowledges nothing, although the socket is non-blocking. Zenoh closes sockets on
-the two threads that receive for all links (eclipse-zenoh/zenoh#1101), so two readers that have stopped make every
-request wait. Without SO_LINGER, the kernel sends what is left in the background, and `close` returns at once.
+Zenoh sets SO_LINGER to 10 s on the sockets of TCP and TLS links. On Linux, closing such a socket blocks for up to 10 s
+if the other side does not acknowledge data, although the socket is non-blocking. Zenoh closes sockets on the two
+threads that receive for all links (eclipse-zenoh/zenoh#1101), so two stopped clients can block all requests. Without
+SO_LINGER, the kernel sends the remaining data in the background, and `close` returns at once.
 """
 
 import logging
@@ -23,13 +23,13 @@ _OFF = struct.pack("ii", 0, 0)
 
 
 def watch(session: zenoh.Session) -> None:
-    """Switches SO_LINGER off for every present and future link of a session.
+    """Turns off SO_LINGER for every current and future link of a session.
 
-    Does nothing where it is not needed (only Linux blocks), or where this version of Zenoh does not report links.
+    Does nothing except on Linux, or if this version of Zenoh does not report links.
     """
     declare = getattr(session.info, "declare_link_events_listener", None)
     if declare is not None and sys.platform.startswith("linux"):
-        # A listener with a callback lives as long as its session.
+        # A listener with a callback exists as long as its session.
         declare(callback(_link_changed), history=True)
 
 
@@ -38,27 +38,32 @@ def _link_changed(event: zenoh.LinkEvent) -> None:
         return
     ports = _port(str(event.link.src)), _port(str(event.link.dst))
     if None in ports:
-        # Only sockets with ports linger.
+        # Only sockets with ports use SO_LINGER.
         return
     try:
         _switch_off(ports)
     except OSError as error:
-        _log.warning("the link %s can delay others when it ends: %s", event.link.dst, error)
+        _log.warning(
+            "SO_LINGER of the link %s could not be turned off, so its end may block other links: %s",
+            event.link.dst,
+            error,
+        )
 
 
 def _switch_off(ports: tuple[int | None, int | None]) -> None:
-    """Switches SO_LINGER off for a stream socket of this process with these ports, here and at the other end.
+    """Turns off SO_LINGER for the stream socket of this process with these local and remote ports.
 
-    Two clients on different machines may use the same port. Only the socket of the new link still lingers.
+    Two clients on different machines may use the same port; of their sockets, only that of the new link still has
+    SO_LINGER.
     """
-    # The newest file usually has the highest number.
+    # The newest file descriptor usually has the highest number.
     for number in sorted(map(int, os.listdir(_OPEN_FILES)), reverse=True):
         try:
             if not os.readlink(f"{_OPEN_FILES}/{number}").startswith("socket:"):
                 continue
             found = socket.socket(fileno=number)
         except OSError:
-            # Closed since the folder was listed.
+            # The file descriptor was closed after the folder was listed.
             continue
         try:
             if found.family not in (socket.AF_INET, socket.AF_INET6) or found.type != socket.SOCK_STREAM:
@@ -67,10 +72,10 @@ def _switch_off(ports: tuple[int | None, int | None]) -> None:
                 found.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _OFF)
                 return
         except OSError:
-            # A socket that listens, or whose other end has gone.
+            # The socket listens, or its other end was closed.
             continue
         finally:
-            # The socket is Zenoh's to close.
+            # Zenoh closes the socket.
             found.detach()
 
 

@@ -1,4 +1,4 @@
-"""The transport of the server: one Zenoh session, and the dialects that speak on it."""
+"""The transport of the server: one Zenoh session and its dialects."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -30,19 +30,19 @@ M = TypeVar("M", bound=Message)
 class Network:
     """Implements `mjplug.contracts.transport.Transport`.
 
-    Endpoints are declared on one thread; what they deliver comes on Zenoh's threads.
+    Publishers, subscriptions and services are declared on one thread; their callbacks run on Zenoh's threads.
 
     Attributes:
         session: The session.
-        open_calls: The requests that wait for an answer.
-        publishers: Everything that is published, by the server or by its workers.
+        open_calls: The requests that wait for their response.
+        publishers: All publishers of the server, including those that worker processes use.
 
     Args:
         session: An open session. The network closes it.
         name: The server's full name, such as `/robot1/mjplug`.
-        dialects: What to speak; a topic or service is declared in each.
-        limits: How much is accepted in one message or request.
-        max_open_calls: How many requests may wait for an answer.
+        dialects: The dialects; each topic and service is declared in all of them.
+        limits: Size limits of received messages and requests.
+        max_open_calls: Maximum number of requests that wait at the same time, for all services of one type.
     """
 
     def __init__(
@@ -63,28 +63,28 @@ class Network:
         self._subscriptions: list[Subscription[Any]] = []
         listing = Listing(name, version("mjplug"), session.endpoint)
         self._interfaces = InterfacesQueryable(session.zenoh, listing, self._refresh)
-        # After the queryable: a client that sees the token may ask its holder at once.
+        # After the queryable, because a client that sees the token may query the list at once.
         self._claim = identity.claim(session.zenoh, name)
         self._shared: SharedNamesWatch | None = None
 
     @property
     def listing(self) -> Listing:
-        """Everything that is declared now."""
+        """The list of all declared topics and services."""
         return self._interfaces.listing
 
     def open_publisher(self, topic: Topic[M], on_matched: Callable[[], None] | None = None) -> WirePublisher[M]:
         """Declares a publisher.
 
         Args:
-            topic: What is published.
-            on_matched: Called, on Zenoh's thread, each time one of its keys gets its first listener; never for a
-                latched topic, which needs no listener to be written.
+            topic: The topic.
+            on_matched: Called on Zenoh's thread each time one of the topic's keys gets its first subscriber. It is not
+                called for a latched topic, which is published even without subscribers.
 
         Raises:
-            WireError: The name is in use with another type.
+            WireError: The topic already exists with another type.
         """
         self._check(topic)
-        # Compiles the encoder now instead of at the first step that publishes.
+        # Compile the encoder now, not at the first step that publishes.
         topic.type().to_cdr()
         notify = on_matched or _nothing
         writers = [writer for dialect in self._dialects for writer in dialect.declare_writers(topic, notify)]
@@ -97,11 +97,11 @@ class Network:
         """Declares a subscription.
 
         Args:
-            topic: What is read. Its depth is for `deliver` to keep: every valid message is handed over.
-            deliver: Gets each message, on Zenoh's threads; it must only enqueue.
+            topic: The topic. Its depth is not applied here: every valid message is delivered.
+            deliver: Called with each message on Zenoh's threads; it may only enqueue.
 
         Raises:
-            WireError: The name is in use with another type.
+            WireError: The topic already exists with another type.
         """
         self._check(topic)
         topic.type.from_cdr(topic.type().to_cdr())
@@ -115,14 +115,14 @@ class Network:
         """Declares a service.
 
         Args:
-            service: What is offered.
-            deliver: Gets each request, on Zenoh's threads; it must only enqueue.
+            service: The service.
+            deliver: Called with each request on Zenoh's threads; it may only enqueue.
 
         Raises:
-            WireError: The name is in use.
+            WireError: A service of this name already exists.
         """
         if service.name in self._servers:
-            raise WireError(f"service {service.name} is offered already; give one of the two another name")
+            raise WireError(f"the service {service.name} already exists; give one of the two another name")
         server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._limits)
         keys: dict[str, str] = {}
         for dialect in self._dialects:
@@ -132,15 +132,15 @@ class Network:
         self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
 
     def watch_shared_names(self, exempt: Iterable[str] = ()) -> None:
-        """Tells other servers that everything is declared, and warns about names that they and this one share.
+        """Announces to other servers that all names are declared, and logs a warning about shared names.
 
         Args:
-            exempt: Types of topics that this server may share with others.
+            exempt: Types of topics that are not reported.
         """
         self._shared = SharedNamesWatch(self.session.zenoh, lambda: self.listing, exempt)
 
     def refused(self) -> dict[str, int]:
-        """Returns how many messages and requests could not be read, by the name of the topic or service."""
+        """Returns the number of messages and requests that could not be decoded, by topic or service name."""
         counts: Counter[str] = Counter()
         for subscription in self._subscriptions:
             counts[subscription.topic.name] += subscription.rejections.count
@@ -151,34 +151,36 @@ class Network:
         return dict(counts)
 
     def busy(self) -> dict[str, int]:
-        """Returns how many requests were refused because too many were waiting, by the name of the service."""
+        """Returns the number of requests that were refused because too many were waiting, by service name."""
         return {name: server.busy.count for name, server in self._servers.items()}
 
     def refuse_open_calls(self, reason: str) -> None:
-        """Answers every request that waits with a refusal."""
+        """Refuses every waiting request."""
         self.open_calls.refuse_all(reason)
 
     def close(self, reason: str = "the server is stopping") -> None:
-        """Refuses the requests that wait, makes publishers unmatched and leaves the network; may be called twice."""
+        """Refuses the waiting requests, makes publishers unmatched and closes the session; may be called twice."""
         for dialect in self._dialects:
             dialect.close()
         self.open_calls.close(reason)
         self.session.close()
         if self._shared is not None:
-            # After the session, whose end also ends a request that waits.
+            # After the session, because closing the session also ends a waiting query.
             self._shared.close()
 
     def _refresh(self, key: str) -> bool:
-        """Brings the publishers of a key up to date; returns whether one of them knows of a subscriber. Any thread."""
+        """Updates the matching status of the publishers of a key; returns whether one has a subscriber. Any thread."""
         writers = [writer for publisher in tuple(self.publishers) for writer in publisher.writers]
-        # All of them: two publishers may share a topic.
+        # All of them, because two publishers may share a topic.
         found = [writer.refresh(key) for writer in writers]
         return any(found)
 
     def _check(self, topic: Topic[Any]) -> None:
         known = self._types.setdefault(topic.name, topic.type)
         if known is not topic.type:
-            raise WireError(f"topic {topic.name} is {known.TYPE} here already; it cannot be {topic.type.TYPE} too")
+            raise WireError(
+                f"topic {topic.name} already exists with type {known.TYPE}; it cannot also have type {topic.type.TYPE}"
+            )
 
     def _list_topic(self, topic: Topic[Any], direction: Direction) -> None:
         keys = {name: key for dialect in self._dialects for name, key in dialect.topic_keys(topic).items()}
@@ -193,9 +195,14 @@ def open_network(
     max_open_calls: int = MAX_OPEN_CALLS,
     ros2: RosSettings | None = None,
 ) -> Network:
-    """Opens the session of the server called `name`, such as `/robot1/mjplug`, and speaks the plain dialect on it.
+    """Opens the session of a server and returns its network.
 
-    With `ros2`, it speaks that of rmw_zenoh too.
+    Args:
+        settings: The session's settings.
+        name: The server's full name, such as `/robot1/mjplug`.
+        limits: Size limits of received messages and requests.
+        max_open_calls: Maximum number of requests that wait at the same time, for all services of one type.
+        ros2: Settings of the rmw_zenoh dialect; None uses the plain dialect only.
 
     Raises:
         WireError: The session cannot be opened, or another server has the name.
@@ -210,7 +217,7 @@ def open_network(
         offer_node_services(rmw_zenoh, name, ros2, network.open_calls)
         return network
     except BaseException:
-        # An open session would keep the process from ending.
+        # An open session would prevent the process from ending.
         session.close()
         raise
 

@@ -1,11 +1,13 @@
-"""The plain dialect: a ROS name without its leading slash is the key, so that any Zenoh client can talk to the server.
+"""The plain dialect for any Zenoh client: the key is the ROS name without its leading slash.
 
-A topic is CDR on `<key>` and JSON on `<key>/@json`. `@json` is a verbatim chunk: `**` does not see it, so nobody gets a
-message twice, and `**/@json` is everything that people can read. Both keys take messages too: CDR or JSON on `<key>`,
-JSON on `<key>/@json`, which is the one for JSON where zenoh-bridge-ros2dds hands the bytes on `<key>` to DDS unseen.
+A topic is published as CDR on `<key>` and as JSON on `<key>/@json`. `@json` is a verbatim chunk, which `**` does not
+match, so a subscriber to `**` gets each message once, and a subscriber to `**/@json` gets all JSON. The server also
+subscribes to both keys: it accepts CDR or JSON on `<key>`, and JSON on `<key>/@json`. Use the latter with
+zenoh-bridge-ros2dds, which passes all payloads on `<key>` to DDS as CDR.
 
-A service is a queryable on `<key>` that answers CDR with CDR and JSON with JSON. It only takes queries for exactly its
-key: a curious `get('**')` must not reset anybody's world. It is not declared complete, since others may serve it too.
+A service is a queryable on `<key>` that replies to CDR with CDR and to JSON with JSON. It accepts only queries on
+exactly its key, so that a `get('**')` does not call services. It is not declared complete, because other programs may
+serve the same key.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,7 +26,8 @@ from mjplug_schemas import names
 
 _BRIDGE_MARK = b"rqh"
 _BRIDGE_ATTACHMENT_SIZE = 20
-"""How zenoh-bridge-ros2dds marks a request: these letters, a guid (8), a sequence number (8), the byte order (1)."""
+"""Attachment of requests from zenoh-bridge-ros2dds: these letters, a guid (8 bytes), a sequence number (8) and the byte
+order (1)."""
 
 _FORMS: tuple[Form, ...] = ("cdr", "json")
 
@@ -80,11 +83,11 @@ class PlainDialect:
         self._declared.append(self._session.declare_queryable(key, callback(handle), complete=False))
 
     def refused(self) -> Mapping[str, int]:
-        """Returns nothing: a query on a service's key is always read as a request."""
+        """Returns an empty mapping; every query on a service's key is treated as a request."""
         return {}
 
     def close(self) -> None:
-        """Makes every writer unmatched, for good."""
+        """Makes every writer unmatched permanently."""
         for writer in self._writers:
             writer.close()
 
@@ -98,7 +101,7 @@ class PlainDialect:
 
 
 class PlainRequest:
-    """A query on a plain key."""
+    """A query on a plain key. Implements `mjplug.wire.dialect.RawRequest`."""
 
     def __init__(self, query: zenoh.Query, key: str, encodings: Mapping[Form, zenoh.Encoding]) -> None:
         self.received = Received(query.payload, query.encoding)
@@ -115,23 +118,23 @@ class PlainRequest:
             query.reply(self._key, payload, encoding=self._encodings[form])
 
     def reply_error(self, sentence: str) -> None:
-        """Sends one sentence as `text/plain`, whatever the client speaks."""
+        """Sends an error reply with one sentence as `text/plain`."""
         with self._query as query:
             query.reply_err(sentence.encode(), encoding=TEXT)
 
 
 def size_of(query: zenoh.Query) -> int:
-    """Returns what Zenoh keeps of a query until it is answered [bytes]."""
+    """Returns the size of the data that Zenoh keeps until a query is answered [bytes]."""
     parts = (query.payload, query.attachment)
     return sum(len(part) for part in parts if part is not None) + len(str(query.parameters))
 
 
 def parameters(query: zenoh.Query) -> Mapping[str, str]:
     """Returns the parameters of a query's selector, percent-decoded."""
-    given = str(query.parameters)
-    if not given:
+    text = str(query.parameters)
+    if not text:
         return {}
-    pairs = (pair.partition("=") for pair in given.split(";") if pair)
+    pairs = (pair.partition("=") for pair in text.split(";") if pair)
     return {unquote(name): unquote(value) for name, _, value in pairs}
 
 

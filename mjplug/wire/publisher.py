@@ -1,4 +1,4 @@
-"""One topic that the server publishes: a message is encoded once per form that somebody listens to."""
+"""A publisher of one topic. A message is encoded once for each form that has subscribers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ class WirePublisher(Generic[M]):
     """Implements `mjplug.contracts.transport.Publisher`. Physics thread only.
 
     Attributes:
-        topic: What is published.
-        writers: Where to.
-        sent: How many messages were published here.
-        remote: Whether another process publishes in place of this one.
+        topic: The topic.
+        writers: The writers, one for each key.
+        sent: Number of messages that this process published.
+        remote: Whether a worker process publishes the topic instead of this process.
 
     Args:
-        topic: As above.
-        writers: As above.
+        topic: The topic.
+        writers: The writers, one for each key.
     """
 
     def __init__(self, topic: Topic[M], writers: Sequence[KeyWriter]) -> None:
@@ -38,14 +38,14 @@ class WirePublisher(Generic[M]):
 
     @property
     def matched(self) -> bool:
-        """Whether anybody listens. Always true of a latched topic: those who listen later count too."""
+        """Whether the topic has a subscriber. Always true for a latched topic, because of late subscribers."""
         for writer in self.writers:  # noqa: SIM110 - called at every step, and a generator costs four times as much
             if writer.matched:
                 return True
         return False
 
     def publish(self, message: M) -> None:
-        """Sends a message to those who listen; with nobody there, it is not even encoded."""
+        """Publishes a message; without subscribers, it is not encoded."""
         self._check(type(message))
         self.sent += 1
         payload: ZBytes | None = None
@@ -62,14 +62,14 @@ class WirePublisher(Generic[M]):
                 writer.put(payload)
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        """Sends a prebuilt frame; for JSON listeners it is decoded and encoded again."""
+        """Publishes a prebuilt frame; for JSON subscribers it is decoded and encoded again."""
         self._check(frame.type)
         self.sent += 1
         payload: ZBytes | None = None
         for writer in self._cdr:
             if writer.matched:
                 if payload is None:
-                    # Copies, so that the next values may be written at once.
+                    # This copies, so that the next values can be written at once.
                     payload = ZBytes(frame.buffer)
                 writer.put(payload)
         payload = None
@@ -80,29 +80,29 @@ class WirePublisher(Generic[M]):
                 writer.put(payload)
 
     def remote_spec(self) -> "RemotePublisherSpec":
-        """Returns what another process needs to publish this topic in place of the server."""
+        """Returns the data with which another process can publish this topic in place of the server."""
         self.remote = True
         return RemotePublisherSpec(self.topic, tuple(writer.remote_spec() for writer in self.writers))
 
     def _check(self, given: type[Any]) -> None:
         if given is not self.topic.type:
-            raise TypeError(f"topic {self.topic.name} carries {self.topic.type.TYPE}, not {given.__name__}")
+            raise TypeError(f"topic {self.topic.name} has type {self.topic.type.TYPE}, not {given.__name__}")
 
 
 @dataclass(frozen=True, slots=True)
 class RemotePublisherSpec:
-    """A topic to publish in place of the server; it pickles.
+    """The data with which another process publishes a topic in place of the server. Picklable.
 
     Attributes:
-        topic: What is published.
-        writers: Where to.
+        topic: The topic.
+        writers: The data of the writers.
     """
 
     topic: Topic[Any]
     writers: tuple[RemoteWriterSpec, ...]
 
     def open(self, session: Session, on_matched: Callable[[], None]) -> WirePublisher[Any]:
-        """Declares the publisher on another session; `on_matched` is called when a writer gets its first listener."""
-        # Compiles the encoder now, as the server does.
+        """Declares the publisher on another session; `on_matched` is called when a writer gets its first subscriber."""
+        # Compile the encoder now, as the server does.
         self.topic.type().to_cdr()
         return WirePublisher(self.topic, [writer.open(session, on_matched) for writer in self.writers])

@@ -1,4 +1,4 @@
-"""How a response type says that the request failed."""
+"""Responses that report a failed request."""
 
 from collections.abc import Iterator
 
@@ -7,11 +7,11 @@ from pydantic.fields import FieldInfo
 from mjplug_schemas.message import Message
 
 _REASONS = ("message", "status_message", "error_message", "reason")
-"""The names that ROS services give the text beside `success`."""
+"""Names of the text field beside `success` in ROS services, most common first."""
 
 
 def refusal(response: type[Message], reason: str) -> Message | None:
-    """Returns a response with `success` false and the reason, or None where the type has no `success`."""
+    """Returns a response with `success` false and the reason; None if the type has no field `success`."""
     fields = response.model_fields
     if "success" not in fields or fields["success"].annotation is not bool:
         return None

@@ -1,16 +1,19 @@
-"""Counts what had to be thrown away, and says so in the log without letting a flood fill it."""
+"""Counts rejected messages and requests, and logs some of them, so that a flood does not fill the log."""
 
 import logging
 import threading
 
 _LOG = logging.getLogger(__name__)
 
-_LONGEST = 500
-"""The sentence may quote what a stranger sent; the log gets this many characters of it."""
+_MAX_REASON_LENGTH = 500
+"""Maximum length of a logged reason [characters]; the reason may quote text that a client sent."""
 
 
 class Rejections:
-    """The count of one kind of loss, logged at the first, the tenth, the hundredth and so on.
+    """Counts one kind of rejection, and logs the first, the tenth, the hundredth and so on.
+
+    Attributes:
+        count: Number of rejections.
 
     Args:
         what: Subject of the log line, such as `topic /cmd_vel: a sample was refused`.
@@ -25,12 +28,12 @@ class Rejections:
         self.count = 0
 
     def add(self, reason: str) -> None:
-        """Counts one more."""
+        """Counts one rejection, and logs it with its reason if it is due."""
         with self._lock:
             self.count += 1
             count = self.count
             if count < self._next:
                 return
             self._next *= 10
-        short = reason if len(reason) <= _LONGEST else reason[:_LONGEST] + " …"
+        short = reason if len(reason) <= _MAX_REASON_LENGTH else reason[:_MAX_REASON_LENGTH] + " …"
         _LOG.log(self._level, "%s (%d so far): %s", self._what, count, short)

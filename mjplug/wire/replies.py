@@ -1,4 +1,4 @@
-"""Sends answers on a thread of its own: a client that stops reading may block that one, but not physics."""
+"""Sends replies on a separate thread, so that a client that stops reading does not block physics."""
 
 import logging
 import threading
@@ -13,31 +13,32 @@ from mjplug.wire.rejections import Rejections
 _LOG = logging.getLogger(__name__)
 
 _DRAIN_TIMEOUT = 2.0
-"""How long `close` waits for the last answers [s]; longer than Zenoh waits for a client that does not read."""
+"""Maximum time for which `close` waits for the last replies [s]; longer than Zenoh waits for a client that does not
+read."""
 
 Send = Callable[[], None]
 
 
 class Replies:
-    """A queue of answers and the thread that sends them, in order.
+    """A queue of replies and the thread that sends them, in order.
 
     Attributes:
-        lost: The answers that found no client or no session any more.
+        lost: Replies that could not be sent because the client or the session was closed.
     """
 
     def __init__(self) -> None:
-        self.lost = Rejections("the answer to a request could not be sent", logging.DEBUG)
+        self.lost = Rejections("the reply to a request could not be sent", logging.DEBUG)
         self._queue: SimpleQueue[Send | None] = SimpleQueue()
-        # A daemon, so that a process that forgets to close can still end.
+        # A daemon thread, so that the process can end without `close`.
         self._thread = threading.Thread(target=bound(self._run), name="mjplug-replies", daemon=True)
         self._thread.start()
 
     def post(self, send: Send) -> None:
-        """Queues an answer; from any thread."""
+        """Queues a reply. May be called from any thread."""
         self._queue.put(send)
 
     def close(self) -> None:
-        """Waits until what was queued has been sent, and ends the thread; a second call does nothing."""
+        """Waits until the queued replies have been sent, and stops the thread; a second call does nothing."""
         self._queue.put(None)
         self._thread.join(_DRAIN_TIMEOUT)
 
@@ -46,7 +47,7 @@ class Replies:
             try:
                 send()
             except zenoh.ZError as error:
-                # The client or the session is gone, which nobody here can change.
+                # The client or the session was closed, which is no failure of the server.
                 self.lost.add(str(error))
             except Exception:
-                _LOG.exception("an answer could not be sent")
+                _LOG.exception("sending a reply failed")

@@ -1,4 +1,4 @@
-"""Turns what a Zenoh file says about roles and certificates into the settings of a server's session."""
+"""Applies the roles and certificates of a Zenoh file to the settings of a server's session."""
 
 import json
 import logging
@@ -19,21 +19,21 @@ from mjplug.wire.zenoh_file import certificate, own_settings, read_zenoh_file, s
 
 _LOG = logging.getLogger(__name__)
 
-_SOON = timedelta(days=30)
-"""How long before its certificate expires a server warns."""
+_EXPIRY_WARNING = timedelta(days=30)
+"""The server logs a warning if its certificate expires within this time."""
 
 _TLS = "transport/link/tls"
 
 
 def secured(settings: SessionSettings, declare: Callable[[], Interfaces]) -> SessionSettings:
-    """Returns the settings with the access rules for the roles in the Zenoh file, if there are any.
+    """Returns the settings with the access rules for the roles in the Zenoh file, if it has roles.
 
     Args:
         settings: The settings.
-        declare: Returns what the server will declare; called only if there are roles.
+        declare: Returns the topics and services of the server; called only if the file has roles.
 
     Raises:
-        WireError: The file says something about certificates or roles that cannot work.
+        WireError: The certificates or roles in the file are invalid.
     """
     path = settings.config
     if path is None:
@@ -41,17 +41,17 @@ def secured(settings: SessionSettings, declare: Callable[[], Interfaces]) -> Ses
     try:
         config = read_zenoh_file(path)
     except zenoh.ZError:
-        # Opening the session reports it.
+        # Opening the session reports this error.
         return settings
     _check_certificate(config, path)
     own = own_settings(config)
     _check_workers(config, path, "worker" in own)
     if "worker" in own:
-        settings = replace(settings, worker_config=_beside(path, own["worker"]))
+        settings = replace(settings, worker_config=_relative_to(path, own["worker"]))
     if "roles" not in own:
         return settings
-    roles, known_by = _roles(config, path, own["roles"])
-    return replace(settings, access_control=access_control(declare(), roles, known_by))
+    roles, identified_by = _roles(config, path, own["roles"])
+    return replace(settings, access_control=access_control(declare(), roles, identified_by))
 
 
 def _check_certificate(config: zenoh.Config, path: Path) -> None:
@@ -63,7 +63,7 @@ def _check_certificate(config: zenoh.Config, path: Path) -> None:
     now = datetime.now(UTC)
     if until <= now:
         raise WireError(f"the certificate of this server (in {path}) expired on {day(until)}; {renew}")
-    if until - now < _SOON:
+    if until - now < _EXPIRY_WARNING:
         _LOG.warning("the certificate of this server (in %s) expires on %s; %s", path, day(until), renew)
 
 
@@ -72,17 +72,17 @@ def _check_workers(config: zenoh.Config, path: Path, have_own: bool) -> None:
         return
     if setting(config, f"{_TLS}/root_ca_certificate") is None:
         _LOG.warning(
-            "%s has no root_ca_certificate: worker processes of cameras and lidars connect to this server over TLS, "
-            "and need the certificate of its authority; add transport.link.tls.root_ca_certificate",
+            "%s has no root_ca_certificate, which the worker processes of cameras and lidars need to connect to this "
+            "server over TLS; add transport.link.tls.root_ca_certificate",
             path,
         )
 
 
 def _roles(config: zenoh.Config, path: Path, given: Any) -> tuple[Mapping[str, Role], str]:
-    """Returns the roles by name, and how Zenoh knows the names."""
+    """Returns the role of each client by its name, and where Zenoh reads the names."""
     source = path
     if isinstance(given, str):
-        source = _beside(path, given)
+        source = _relative_to(path, given)
         try:
             given = json.loads(source.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
@@ -93,20 +93,20 @@ def _roles(config: zenoh.Config, path: Path, given: Any) -> tuple[Mapping[str, R
         raise WireError(str(error)) from None
     if setting(config, "access_control/enabled"):
         raise WireError(
-            f"{path} has both access_control and roles (metadata.mjplug.roles), from which mjplug makes the rules of "
-            "access_control; take one of them out"
+            f"{path} has both access_control and roles (metadata.mjplug.roles), from which mjplug generates "
+            "access_control; remove one of them"
         )
     if setting(config, f"{_TLS}/enable_mtls"):
         return roles, "cert_common_names"
     if setting(config, "transport/auth/usrpwd/dictionary_file") is not None:
         return roles, "usernames"
     raise WireError(
-        f"{path} has roles, but no way to know who a client is; add certificates (transport.link.tls.enable_mtls, as "
-        "`mjplug keys init` makes them) or passwords (transport.auth.usrpwd.dictionary_file)"
+        f"{path} has roles, but clients are not authenticated; add certificates (transport.link.tls.enable_mtls, see "
+        "`mjplug keys init`) or passwords (transport.auth.usrpwd.dictionary_file)"
     )
 
 
-def _beside(path: Path, name: Any) -> Path:
+def _relative_to(path: Path, name: Any) -> Path:
     if not isinstance(name, str):
-        raise WireError(f"{path}: metadata.mjplug names files by text, not by {name!r}")
+        raise WireError(f"{path}: a file name in metadata.mjplug is {name!r}; it must be a string")
     return path.resolve().parent / name

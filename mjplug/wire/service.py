@@ -1,4 +1,4 @@
-"""One service that the server offers. Runs on Zenoh's threads: decodes, checks, hands over."""
+"""A service of the server: decodes, validates and delivers its requests. Runs on Zenoh's threads."""
 
 import logging
 from collections.abc import Callable
@@ -16,14 +16,14 @@ class ServiceServer:
     """Decodes the requests to one service. Runs on Zenoh's threads.
 
     Attributes:
-        rejections: The requests that were not valid.
-        busy: The valid requests that were refused because too many were waiting.
+        rejections: Counts invalid requests.
+        busy: Counts valid requests that were refused because too many were waiting.
 
     Args:
-        service: What is offered.
-        deliver: Gets each call; it must only enqueue.
+        service: The service.
+        deliver: Called with each call; it may only enqueue.
         open_calls: The session's open calls.
-        limits: How much is accepted.
+        limits: Size limits of requests.
     """
 
     def __init__(
@@ -41,7 +41,7 @@ class ServiceServer:
         self._decoder = Decoder(service.type.Request, limits, also=service.type.TYPE, empty=True)
 
     def receive(self, raw: RawRequest) -> None:
-        """Takes one request. Never raises: Zenoh's thread has other work to do."""
+        """Handles one request. Never raises, because it runs on Zenoh's thread."""
         try:
             form, request = self._decoder.decode(raw.received)
         except PayloadError as error:
@@ -55,11 +55,11 @@ class ServiceServer:
         call = WireCall(raw, request, form, self._service.type, self._open_calls)
         admission = self._open_calls.admit(call)
         if admission == "busy":
-            self.busy.add("too many requests are waiting for an answer already")
+            self.busy.add("too many requests are waiting")
         if admission != "admitted":
             return
         try:
             self._deliver(call)
         except Exception:
-            _LOG.exception("service %s: a request could not be handed over", self._service.name)
-            call.refuse("the server failed to take the request; its log says why")
+            _LOG.exception("service %s: delivering a request failed", self._service.name)
+            call.refuse("internal error: delivering the request failed; see the server's log")

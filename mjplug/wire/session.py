@@ -1,4 +1,4 @@
-"""The Zenoh session: how the server gets onto a network, or makes one."""
+"""Opens the Zenoh session of a server: it joins a network or creates one."""
 
 import logging
 import time
@@ -10,31 +10,31 @@ from mjplug.errors import WireError
 from mjplug.wire.endpoints import dialable, on_free_port
 from mjplug.wire.handshake import ENCRYPTED
 from mjplug.wire.router_watch import RouterWatch
-from mjplug.wire.session_plan import Mode, Plan, Role, SessionSettings, TakenError, UnreachableError
+from mjplug.wire.session_plan import EndpointInUseError, Mode, Plan, Role, SessionSettings, UnreachableError
 
 __all__ = ["Mode", "Role", "SessionSettings", "WireSession", "join", "open_router", "open_session"]
 
 _log = logging.getLogger(__name__)
 
-_RETRY = 1.0
-"""Pause between two attempts to reach the router that `connect` names [s]."""
+_RETRY_INTERVAL = 1.0
+"""Interval between two attempts to connect to a router [s]."""
 
 
 class WireSession:
-    """An open Zenoh session, and how it is reached.
+    """An open Zenoh session and its endpoints.
 
     Attributes:
         zenoh: The session.
-        role: What this session is on the network.
+        role: The session's role in the network.
         listening: The endpoints it listens on, with their actual ports.
         joined: The endpoints it connects to.
 
     Args:
-        session: As above.
-        role: As above.
-        listening: As above.
-        joined: As above.
-        watch: What looks after the connection to `joined`; closed with the session.
+        session: The session.
+        role: The session's role in the network.
+        listening: The endpoints it listens on, with their actual ports.
+        joined: The endpoints it connects to.
+        watch: Monitors the connection to `joined`; it is closed with the session.
     """
 
     def __init__(
@@ -53,32 +53,36 @@ class WireSession:
 
     @property
     def endpoint(self) -> str:
-        """The endpoint to tell users: where a client that wants to talk to this server connects."""
+        """The endpoint to which clients connect."""
         return self.endpoints[0]
 
     @property
     def endpoints(self) -> tuple[str, ...]:
-        """All endpoints at which this network can be joined, the first choice first."""
+        """All endpoints of this network to which clients can connect, preferred first."""
         return self.listening if self.role == "router" else self.joined or self.listening
 
     def close(self) -> None:
-        """Leaves the network; a second call does nothing."""
+        """Closes the session; a second call does nothing."""
         if self._watch is not None:
             self._watch.stop()
         if not self.zenoh.is_closed():
             # zenoh's stubs leave the return type open.
             self.zenoh.close()  # type: ignore[no-untyped-call]
         if self._watch is not None:
-            # After the session, which may be connected to the router that the watch hosts.
+            # After the session, because the session may be connected to a router that the watch hosts.
             self._watch.close()
 
 
 def open_session(settings: SessionSettings, name: str) -> WireSession:
-    """Opens the session of the server called `name`, such as `/robot1/mjplug`.
+    """Opens the session of a server.
+
+    Args:
+        settings: The session's settings.
+        name: The server's full name, such as `/robot1/mjplug`.
 
     Raises:
-        WireError: Nobody can listen or connect there, or a server of this name is on the network. The sentence says
-            the way out.
+        WireError: It cannot listen on or connect to an endpoint, or another server of this name is on the network. The
+            message says what to do.
     """
     plan = Plan(settings, name)
     if plan.mode != "auto":
@@ -88,15 +92,15 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
     listen = plan.listen("router")
     try:
         return _open(plan, "router", listen, plan.connect)
-    except TakenError as taken:
+    except EndpointInUseError as error:
         if settings.access_control is not None:
-            raise WireError(taken.with_roles()) from None
-        with plan.visit(taken.endpoint) as visitor:
-            if visitor is None:
-                raise WireError(taken.way_out()) from None
-        router = dialable(taken.endpoint)
+            raise WireError(error.message_with_roles()) from None
+        with plan.probe(error.endpoint) as client:
+            if client is None:
+                raise WireError(error.message_not_zenoh()) from None
+        router = dialable(error.endpoint)
         if plan.connect:
-            # A client has one connection only.
+            # A client has only one connection.
             return _open(plan, "peer", tuple(on_free_port(endpoint) for endpoint in listen), (router, *plan.connect))
         return _open(plan, "client", (), (router,), inherits=listen)
 
@@ -105,34 +109,34 @@ def open_router(settings: SessionSettings) -> WireSession:
     """Opens a router without a server.
 
     Raises:
-        WireError: It cannot listen there. The sentence says the way out.
+        WireError: It cannot listen on an endpoint. The message says what to do.
     """
     plan = Plan(settings, "")
     try:
         return _open(plan, "router", plan.listen("router"), plan.connect)
-    except TakenError as taken:
-        with plan.visit(taken.endpoint) as visitor:
-            if visitor is None:
-                raise WireError(taken.way_out()) from None
+    except EndpointInUseError as error:
+        with plan.probe(error.endpoint) as client:
+            if client is None:
+                raise WireError(error.message_not_zenoh()) from None
         raise WireError(
-            f"a Zenoh router or server listens on {taken.endpoint} already; use that one, stop it, or choose another "
+            f"a Zenoh router or server already listens on {error.endpoint}; use that one, stop it, or choose another "
             "endpoint with --listen"
         ) from None
 
 
 def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session:
-    """Opens a client's session on the network of a server of this machine, with the server's own configuration file.
+    """Opens a client session on the network of a server on this machine, with the server's own configuration file.
 
     Args:
         settings: The server's settings.
-        endpoints: Where to connect to; the first that answers is taken.
+        endpoints: Endpoints to connect to; the first one that answers is used.
 
     Raises:
-        WireError: None of them lets us in.
+        WireError: No endpoint accepts the connection.
     """
     connect = tuple(dialable(endpoint) for endpoint in endpoints)
     if settings.worker_config is not None:
-        # Only over these can a worker show its certificate.
+        # A worker can present its certificate only over these.
         connect = tuple(endpoint for endpoint in connect if endpoint.startswith(ENCRYPTED)) or connect
         settings = replace(settings, config=settings.worker_config)
     return Plan(settings, "").join(connect)
@@ -141,16 +145,19 @@ def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session
 def _open(
     plan: Plan, role: Role, listen: tuple[str, ...], connect: tuple[str, ...], inherits: tuple[str, ...] = ()
 ) -> WireSession:
-    """Opens a session and watches its connections; `inherits` is where to host a router when the present one ends."""
+    """Opens a session and monitors its connections.
+
+    When the connection to the router is lost, a replacement router is opened on the endpoints `inherits`, if any.
+    """
     session, listening = plan.open(role, listen, connect)
     watch = None
     if connect:
-        watch = RouterWatch(session, connect, (lambda: plan.host(inherits)) if inherits else None)
+        watch = RouterWatch(session, connect, (lambda: plan.host_router(inherits)) if inherits else None)
     return WireSession(session, role, listening, connect, watch)
 
 
 def _open_client(plan: Plan) -> WireSession:
-    """Connects to the router that `connect` names, as soon as it is there."""
+    """Connects to the router that `connect` names; retries until it answers."""
     reported = False
     while True:
         try:
@@ -159,4 +166,4 @@ def _open_client(plan: Plan) -> WireSession:
             if not reported:
                 _log.warning("%s; waiting for it", error)
                 reported = True
-        time.sleep(_RETRY)
+        time.sleep(_RETRY_INTERVAL)

@@ -1,8 +1,8 @@
-"""Warns about topics and services that two servers of one network have under the same name.
+"""Warns about topics and services that two servers on one network have under the same name.
 
-Each server declares a second liveliness token, `@mjplug/<namespace>/<node_name>/<Zenoh id>/@ready`, once everything
-else is declared. A server that sees the token of another one asks it for its interfaces, once. So both of two servers
-notice, whichever starts first and also if they start at the same moment or join their networks later.
+Each server declares a second liveliness token, `@mjplug/<namespace>/<node_name>/<Zenoh id>/@ready`, after everything
+else is declared. A server that sees this token of another one queries its interfaces, once. So both servers log the
+warning, in whatever order they start, and also if their networks are joined later.
 """
 
 import json
@@ -22,29 +22,29 @@ from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import validate_name
 
 READY = "@ready"
-"""Last chunk of the token; a verbatim one, which `@mjplug/**` does not match."""
+"""Last chunk of the token; a verbatim chunk, which `@mjplug/**` does not match."""
 
 BY_CONVENTION = ("rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "diagnostic_msgs/msg/DiagnosticArray")
-"""Types of topics that many nodes publish together in ROS: each message names its sender."""
+"""Types of topics that many ROS nodes publish together; each message names its sender."""
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 """Servers may share a topic of transforms if their frames have different prefixes."""
 
 _ANSWER_TIMEOUT = 2.0
-"""How long to wait for the interfaces of another server [s]; they take milliseconds."""
+"""Timeout of the query for the interfaces of another server [s]; it takes milliseconds."""
 
 _MAX_ANSWER = 4 << 20
-"""The longest list of interfaces that is read [bytes]."""
+"""Maximum size of a list of interfaces that is decoded [bytes]."""
 
 _MAX_SERVERS = 200
-"""How many tokens are looked at; any program on the network can declare any number of them."""
+"""Maximum number of tokens that are handled; any program on the network can declare any number of them."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class SharedNames:
-    """What two servers have under the same name.
+    """Topics and services that two servers have under the same name.
 
     Attributes:
         published: Topics that both publish.
@@ -88,11 +88,11 @@ class SharedNames:
 
 
 def shared_names(listing: Listing, other: Any, exempt: Iterable[str] = ()) -> SharedNames:
-    """Returns what a server shares with another one.
+    """Returns the names that a server shares with another one.
 
     Args:
         listing: The server's own interfaces.
-        other: Those of the other server, as decoded from its JSON; nothing in it is trusted.
+        other: The interfaces of the other server, as decoded from its JSON; the content may be invalid.
         exempt: Types of topics that both may publish.
     """
     theirs: dict[str, set[str]] = {"published": set(), "subscribed": set()}
@@ -109,12 +109,12 @@ def shared_names(listing: Listing, other: Any, exempt: Iterable[str] = ()) -> Sh
 
 
 class SharedNamesWatch:
-    """Declares that a server is ready, and warns about names that it shares with other servers.
+    """Declares that a server is ready, and logs a warning about names that it shares with other servers.
 
     Args:
         session: The server's session.
-        listing: Returns the server's interfaces, all of which are declared.
-        exempt: Types of topics that this server may share.
+        listing: Returns the server's interfaces; all of them must be declared.
+        exempt: Types of topics that are not reported.
     """
 
     def __init__(self, session: zenoh.Session, listing: Callable[[], Listing], exempt: Iterable[str] = ()) -> None:
@@ -123,9 +123,9 @@ class SharedNamesWatch:
         self._exempt = tuple(exempt)
         self._own = str(session.zid())
         self._seen: set[str] = set()
-        self._told: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
         self._waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        # Requests are sent and answered here: Zenoh's threads must not wait.
+        # This thread sends the queries and waits for replies, because Zenoh's threads must not wait.
         self._thread = threading.Thread(target=self._run, name="shared names", daemon=True)
         self._thread.start()
         liveliness = session.liveliness()
@@ -134,7 +134,7 @@ class SharedNamesWatch:
         self._subscriber = liveliness.declare_subscriber(f"{TOKENS}/**/{READY}", handler, history=True)
 
     def close(self) -> None:
-        """Ends the watch; a second call does nothing."""
+        """Stops the watch; a second call does nothing."""
         self._waiting.put(None)
         self._thread.join(_ANSWER_TIMEOUT)
 
@@ -150,16 +150,16 @@ class SharedNamesWatch:
         while (token := self._waiting.get()) is not None:
             name, holder = _parts(token)
             if holder == self._own or name == self._listing().name:
-                # Another server of the same name is reported where names are claimed.
+                # `identity.claim` reports another server of the same name.
                 continue
             try:
                 validate_name(name)
                 self._compare(name)
             except NameRuleError:
-                # No server has such a name.
+                # This is not the token of a server.
                 continue
             except zenoh.ZError as error:
-                _log.debug("server %s could not be asked for its interfaces: %s", name, error)
+                _log.debug("querying the interfaces of server %s failed: %s", name, error)
 
     def _compare(self, name: str) -> None:
         for reply in self._session.get(
@@ -170,12 +170,12 @@ class SharedNamesWatch:
             try:
                 found = shared_names(self._listing(), json.loads(reply.ok.payload.to_bytes()), self._exempt)
             except (ValueError, KeyError, TypeError, RecursionError) as error:
-                _log.warning("what server %s on this network answers is no list of interfaces: %r", name, error)
+                _log.warning("server %s on this network replied with an invalid list of interfaces: %r", name, error)
                 return
             sentence = found.sentence(self._listing().name, name)
-            # Not again for a server that restarts.
-            if sentence and self._told.get(name) != sentence:
-                self._told[name] = sentence
+            # A restart of the other server does not repeat the warning.
+            if sentence and self._reported.get(name) != sentence:
+                self._reported[name] = sentence
                 _log.warning("%s", sentence)
             return
 

@@ -1,4 +1,4 @@
-"""One topic that the server reads. Runs on Zenoh's threads: decodes, checks, hands over."""
+"""A subscription of the server: decodes, validates and delivers messages. Runs on Zenoh's threads."""
 
 import logging
 from collections.abc import Callable
@@ -15,16 +15,16 @@ _LOG = logging.getLogger(__name__)
 
 
 class Subscription(Generic[M]):
-    """Decodes what comes in on a topic.
+    """Decodes the messages of one topic.
 
     Attributes:
-        topic: What is read.
-        rejections: The samples that were no valid message.
+        topic: The topic.
+        rejections: Counts samples that are not valid messages.
 
     Args:
-        topic: What is read.
-        deliver: Gets each message; it must only enqueue.
-        limits: How much is accepted.
+        topic: The topic.
+        deliver: Called with each message; it may only enqueue.
+        limits: Size limits of messages.
     """
 
     def __init__(self, topic: Topic[M], deliver: Callable[[M], None], limits: Limits = DEFAULT_LIMITS) -> None:
@@ -34,7 +34,7 @@ class Subscription(Generic[M]):
         self._decoder = Decoder(topic.type, limits)
 
     def receive(self, received: Received) -> None:
-        """Takes one sample. Never raises: Zenoh's thread has other work to do."""
+        """Handles one sample. Never raises, because it runs on Zenoh's thread."""
         try:
             _, message = self._decoder.decode(received)
         except PayloadError as error:
@@ -43,4 +43,4 @@ class Subscription(Generic[M]):
         try:
             self._deliver(message)
         except Exception:
-            _LOG.exception("topic %s: a message could not be handed over", self.topic.name)
+            _LOG.exception("topic %s: delivering a message failed", self.topic.name)

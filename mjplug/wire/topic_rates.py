@@ -1,4 +1,4 @@
-"""The status `topics`: what is published, and how often."""
+"""The status `topics`: the publishing rate of each topic."""
 
 from collections import defaultdict
 
@@ -7,10 +7,10 @@ from mjplug.wire.network import Network
 
 
 class TopicRates:
-    """Compares what was published between two looks at the network.
+    """Reports on the period between the last two calls of `refresh`.
 
     Args:
-        network: What to look at.
+        network: The network whose publishers are measured.
         now: Wall time [s].
     """
 
@@ -20,8 +20,8 @@ class TopicRates:
         self._sent: dict[str, int] = {}
         self._rates: dict[str, float] = {}
 
-    def look(self, now: float) -> None:
-        """Ends the span that `diagnose` reports on, and begins the next.
+    def refresh(self, now: float) -> None:
+        """Ends the current period, which `diagnose` then reports on, and starts the next one.
 
         Args:
             now: Wall time [s].
@@ -35,16 +35,16 @@ class TopicRates:
             self._at, self._sent = now, sent
 
     def diagnose(self) -> Diagnosis:
-        """Says how many messages a second each topic had that somebody listens to.
+        """Returns the messages per second of each topic that has a subscriber.
 
-        Those that a worker publishes are not counted here; their plugins tell how they fare. Of latched topics, which
-        need no listener, only those that were written to are named.
+        Topics of worker processes are not included; their plugins report them. Latched topics, which need no
+        subscriber, are included only if messages were published.
         """
-        heard = {}
+        rates = {}
         for publisher in self._network.publishers:
             topic = publisher.topic
             rate = self._rates.get(topic.name, 0.0)
             if publisher.matched and not publisher.remote and (rate or topic.qos.durability == "volatile"):
-                heard[topic.name] = rate
-        values = {f"{name} (Hz)": rate for name, rate in sorted(heard.items())}
-        return Diagnosis(message=f"{sum(heard.values()):.6g} messages a second on {len(heard)} topics", values=values)
+                rates[topic.name] = rate
+        values = {f"{name} (Hz)": rate for name, rate in sorted(rates.items())}
+        return Diagnosis(message=f"{sum(rates.values()):.6g} messages per second on {len(rates)} topics", values=values)

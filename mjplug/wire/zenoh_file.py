@@ -1,6 +1,7 @@
-"""Zenoh configuration files as mjplug reads them.
+"""Reads Zenoh configuration files.
 
-File names count from the file, shared memory is off unless the file sets it, and mjplug has settings of its own.
+Relative file names in a file are searched in the file's folder first, shared memory is off unless the file sets it, and
+`metadata: {mjplug: …}` contains mjplug's own settings.
 """
 
 import json
@@ -13,10 +14,10 @@ from typing import Any
 import zenoh
 
 SHARED_MEMORY = "transport/shared_memory/enabled"
-"""Off unless the user's file contains the section `shared_memory`.
+"""The setting is off unless the user's file contains the section `shared_memory`.
 
-With shared memory on, as is Zenoh's default, a process keeps 16 MiB mapped for every peer that ever sent it more than
-3 kB, and never unmaps them. A /dev/shm of 64 MiB, which containers have, is full after four clients.
+With shared memory, which is on by default in Zenoh, a process maps 16 MiB for every peer that ever sent it more than
+3 kB, and never unmaps them. The /dev/shm of a container, usually 64 MiB, is then full after four clients.
 """
 
 _SECTION = re.compile(r"""(?<![\w-])["']?shared_memory["']?\s*:""")
@@ -38,13 +39,13 @@ _FILE_NAMES = (
 
 
 def read_zenoh_file(path: str | os.PathLike[str] | None) -> zenoh.Config:
-    """Returns the configuration of a file (JSON5, JSON or YAML), or Zenoh's defaults without one.
+    """Returns the configuration of a file (JSON5, JSON or YAML); without a file, Zenoh's defaults.
 
-    Zenoh looks for the files that it names in the folder where the program was started. Here, the folder of the
-    configuration file comes first, so that the program can be started anywhere.
+    Zenoh searches relative file names in the current folder. Here, the folder of the configuration file is searched
+    first, so that the program can be started in any folder.
 
     Raises:
-        zenoh.ZError: The file cannot be read, or has a setting that Zenoh does not know.
+        zenoh.ZError: The file cannot be read, or contains an unknown setting.
     """
     if path is None:
         config = zenoh.Config()
@@ -62,13 +63,13 @@ def read_zenoh_file(path: str | os.PathLike[str] | None) -> zenoh.Config:
 
 
 def _sets_shared_memory(path: Path) -> bool:
-    # A parsed configuration does not show which values come from the file: Zenoh's default is `true` too.
+    # Search the text, because a parsed configuration does not show whether `true` is the file's value or the default.
     text = path.read_text(encoding="utf-8", errors="replace")
     return _SECTION.search(_COMMENTS.sub(lambda match: match[1] or " ", text)) is not None
 
 
 def setting(config: zenoh.Config, key: str) -> Any:
-    """Returns a setting of a configuration; None where it is not set, or inside of something that is not."""
+    """Returns a setting of a configuration; None if it or its section is not set."""
     try:
         return json.loads(config.get_json(key))
     except (zenoh.ZError, KeyError, ValueError):
@@ -76,18 +77,18 @@ def setting(config: zenoh.Config, key: str) -> Any:
 
 
 def own_settings(config: zenoh.Config) -> dict[str, Any]:
-    """Returns what a file says to mjplug alone, under `metadata: {mjplug: …}`."""
+    """Returns mjplug's own settings in a file, `metadata: {mjplug: …}`; empty if there are none."""
     metadata = setting(config, "metadata")
     own = metadata.get("mjplug") if isinstance(metadata, dict) else None
     return own if isinstance(own, dict) else {}
 
 
 def certificate(config: zenoh.Config, path: Path, side: str) -> str | None:
-    """Returns a program's own certificate as PEM text; None if the configuration names none that can be read.
+    """Returns a program's own certificate as PEM text; None if the configuration has no readable certificate.
 
     Args:
         config: The configuration.
-        path: The file it comes from. Zenoh hides what is written into it.
+        path: The file of the configuration. It is read again, because Zenoh hides embedded certificates.
         side: `listen` or `connect`.
     """
     name = setting(config, f"{_TLS}/{side}_certificate")
@@ -100,10 +101,10 @@ def certificate(config: zenoh.Config, path: Path, side: str) -> str | None:
 
 
 def embedded(path: Path, name: str) -> str | None:
-    """Returns the text that a file of `mjplug keys` has under a setting of TLS; None without, or for another file."""
+    """Returns the text of a TLS setting in a file made by `mjplug keys`; None if it is not set or for another file."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-        told = json.loads("\n".join(line for line in lines if not line.startswith("//")))
-        return b64decode(told["transport"]["link"]["tls"][name]).decode()
+        content = json.loads("\n".join(line for line in lines if not line.startswith("//")))
+        return b64decode(content["transport"]["link"]["tls"][name]).decode()
     except (OSError, ValueError, KeyError, TypeError):
         return None

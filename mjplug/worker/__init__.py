@@ -1,1 +1,1 @@
-"""Processes that do the works of plugins: the server's side, and what runs in them (`python -m mjplug.worker`)."""
+"""Worker processes for plugins: the server's side, and the code that runs in them (`python -m mjplug.worker`)."""

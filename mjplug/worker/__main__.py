@@ -1,4 +1,4 @@
-"""`python -m mjplug.worker`: a worker process; only the server starts it."""
+"""Runs a worker process for `python -m mjplug.worker`. Only the server starts it."""
 
 from mjplug.worker.child import main
 

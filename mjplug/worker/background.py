@@ -1,4 +1,4 @@
-"""How a worker process behaves towards the rest of the machine; what a platform lacks is left out quietly."""
+"""Signals, parent process and CPU priority of a worker process. Settings that the platform lacks are skipped."""
 
 import contextlib
 import ctypes
@@ -9,26 +9,26 @@ import threading
 import time
 
 _PR_SET_PDEATHSIG = 1
-_NICE = 5
-"""Added to the niceness of the server for `low`: about a third of the processor time of a program with its niceness."""
+_LOW_NICENESS = 5
+"""Added to the server's niceness for `low`: about a third of the CPU time of a program with the server's niceness."""
 
-_LOWEST = 19
-"""Niceness for `idle` where there is no SCHED_IDLE."""
+_IDLE_NICENESS = 19
+"""Niceness for `idle` if SCHED_IDLE is not available."""
 
 _POLL_INTERVAL = 0.2
-"""How often a process looks whether the server still lives, where the kernel cannot tell it [s]."""
+"""Interval at which a process checks whether the server still runs, if the kernel cannot signal it [s]."""
 
 
 def ignore_signals() -> None:
-    """Leaves Ctrl-C and polite requests to the server, which ends its processes itself, by closing their input."""
+    """Ignores SIGINT and SIGTERM. The server handles them and ends its processes by closing their input."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
 
 
-def die_with(parent: int) -> None:
-    """Ends this process when the server's, or the thread of it that started this one, is gone.
+def exit_with_parent(parent: int) -> None:
+    """Ends this process when the server's process, or its thread that started this process, has ended.
 
-    Waiting for the end of the input is not enough: a job may take long, and a library may hang.
+    The end of the input is not sufficient, because a job may take long and a library may hang.
 
     Args:
         parent: The server's process id.
@@ -42,12 +42,12 @@ def die_with(parent: int) -> None:
         threading.Thread(target=_watch, args=(parent,), name="parent", daemon=True).start()
 
 
-def take_priority(priority: str) -> None:
-    """Sets how much processor time this thread, and those it will start, get beside other programs.
+def set_priority(priority: str) -> None:
+    """Sets the CPU priority of this thread and of the threads that it will start.
 
-    `idle` is Linux's SCHED_IDLE: it runs only while no other program wants to, and starves beside busy ones. `low` has
-    a third of the weight of a normal program (nice 5), and with SCHED_BATCH it never interrupts a running thread, so
-    that physics is not delayed when a worker wakes up. `normal` changes nothing.
+    `idle` is Linux's SCHED_IDLE: the thread runs only when no other program uses the CPU. `low` has a third of the
+    weight of a normal program (nice 5), and with SCHED_BATCH it never preempts a running thread, so that a worker that
+    wakes up does not delay physics. `normal` changes nothing.
 
     Args:
         priority: `idle`, `low` or `normal`.
@@ -55,12 +55,12 @@ def take_priority(priority: str) -> None:
     if sys.platform == "win32" or priority == "normal":
         return
     if sys.platform == "linux":
-        # A container may forbid it; `nice` alone then is better than nothing.
+        # A container may forbid this; `nice` then still takes effect.
         with contextlib.suppress(OSError):
             policy = os.SCHED_IDLE if priority == "idle" else os.SCHED_BATCH
             os.sched_setscheduler(0, policy, os.sched_param(0))
     with contextlib.suppress(OSError):
-        os.nice(_NICE if priority == "low" else _LOWEST)
+        os.nice(_LOW_NICENESS if priority == "low" else _IDLE_NICENESS)
 
 
 def _watch(parent: int) -> None:

@@ -1,4 +1,4 @@
-"""A work in its process: with a model and a state of its own, and publishers on a Zenoh session of its own."""
+"""Runs a work in the worker process, with its own model, state and Zenoh session."""
 
 import logging
 import threading
@@ -20,13 +20,13 @@ from mjplug.worker.states import SharedStates
 
 @dataclass(frozen=True, slots=True)
 class ChildSetup:
-    """What a process is to do; it pickles.
+    """The setup of a worker process. Picklable.
 
     Attributes:
         work: The work.
-        publishers: What it publishes to.
-        session: The server's settings of the network.
-        endpoints: Where the server's network can be joined.
+        publishers: The publishers that the work uses.
+        session: The server's session settings.
+        endpoints: Endpoints of the server's network, preferred first.
     """
 
     work: Work
@@ -39,9 +39,9 @@ class ChildRunner:
     """Opens a work, performs its jobs, closes it.
 
     Args:
-        setup: What to do.
-        model: The compiled model, as `mj_saveModel` writes it.
-        states: Where the states are.
+        setup: The setup of the process.
+        model: The compiled model in the format of `mj_saveModel`.
+        states: Handle of the shared states.
     """
 
     def __init__(self, setup: ChildSetup, model: bytes, states: int | str) -> None:
@@ -52,41 +52,44 @@ class ChildRunner:
         self._slots = SharedStates.attach(states, snapshot.size(self._model)).slots
         self._session: zenoh.Session | None = None
         self._writers: list[KeyWriter] = []
-        self._given_up: dict[KeyWriter, float] = {}
-        self._appeared = threading.Event()
+        self._waited: dict[KeyWriter, float] = {}
+        self._matched = threading.Event()
 
     def open(self, logger: logging.Logger) -> str:
-        """Joins the network, declares the publishers and opens the work; returns what the work says.
+        """Connects to the server's network, declares the publishers and opens the work.
+
+        Returns:
+            The text that `Work.open` returned.
 
         Raises:
-            UnavailableError: The work cannot be done in this environment.
-            WireError: The server's network lets nobody in.
+            UnavailableError: The work cannot run in this environment.
+            WireError: The connection to the server's network failed.
         """
         setup = self._setup
         session = self._session = join(setup.session, setup.endpoints)
-        publishers = [spec.open(session, self._appeared.set) for spec in setup.publishers]
+        publishers = [spec.open(session, self._matched.set) for spec in setup.publishers]
         self._writers = [writer for publisher in publishers for writer in publisher.writers]
         return setup.work.open(self._model, publishers, logger)
 
     def perform(
-        self, slot: int, time_ns: int, epoch: int, tasks: Iterable[str], wanted: Sequence[bool], lag: float
+        self, slot: int, time_ns: int, epoch: int, tasks: Iterable[str], matched: Sequence[bool], lag: float
     ) -> Any:
-        """Performs a job on the state in a slot; returns what the work returns.
+        """Performs a job with the state in a slot; returns the result of `Work.perform`.
 
         Args:
-            slot: Where the state is.
-            time_ns: The job's time [ns].
-            epoch: The job's epoch.
-            tasks: What to make.
-            wanted: Which writers, of all publishers in their order, have listeners by what the server knows.
-            lag: How much later than the server this process may hear of a listener [s].
+            slot: Index of the slot with the state.
+            time_ns: Simulated time of the state [ns].
+            epoch: Number of resets before the state.
+            tasks: Names of the tasks.
+            matched: For each writer of the publishers, in order, whether it has a subscriber in the server's process.
+            lag: Maximum time to wait until this process has matched the same subscribers [s].
         """
-        self._wait_for_matches(wanted, lag)
+        self._wait_for_matches(matched, lag)
         snapshot.load(self._model, self._data, self._slots[slot])
         return self._setup.work.perform(self._data, Job(time_ns, epoch, frozenset(tasks)))
 
     def close(self) -> None:
-        """Closes the work and leaves the network."""
+        """Closes the work and the session."""
         try:
             self._setup.work.close()
         finally:
@@ -94,19 +97,19 @@ class ChildRunner:
                 # zenoh's stubs leave the return type open.
                 self._session.close()  # type: ignore[no-untyped-call]
 
-    def _wait_for_matches(self, wanted: Sequence[bool], lag: float) -> None:
-        """Waits until a listener that the server has just heard of is known here too, so that it misses nothing.
+    def _wait_for_matches(self, matched: Sequence[bool], lag: float) -> None:
+        """Waits until this process has matched the subscribers that the server has matched, so that they miss nothing.
 
-        Where the network keeps a listener from this process for good, it waits once for each `lag`.
+        If a subscriber is never matched here, the full time is waited only once for each `lag`.
         """
         until = monotonic() + lag
-        for writer, now in zip(self._writers, wanted, strict=True):
+        for writer, now in zip(self._writers, matched, strict=True):
             if now:
-                writer.look()
-        unmatched = {writer for writer, now in zip(self._writers, wanted, strict=True) if now and not writer.matched}
-        while any(self._given_up.get(writer, 0.0) < lag for writer in unmatched):
-            if not self._appeared.wait(max(0.0, until - monotonic())):
+                writer.refresh_matched()
+        unmatched = {writer for writer, now in zip(self._writers, matched, strict=True) if now and not writer.matched}
+        while any(self._waited.get(writer, 0.0) < lag for writer in unmatched):
+            if not self._matched.wait(max(0.0, until - monotonic())):
                 break
-            self._appeared.clear()
+            self._matched.clear()
             unmatched = {writer for writer in unmatched if not writer.matched}
-        self._given_up = {writer: max(lag, self._given_up.get(writer, 0.0)) for writer in unmatched}
+        self._waited = {writer: max(lag, self._waited.get(writer, 0.0)) for writer in unmatched}

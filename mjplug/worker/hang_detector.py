@@ -1,37 +1,36 @@
-"""Tells a worker process that hangs from one that works slowly or waits for a processor."""
+"""Distinguishes a worker process that hangs from one that is slow or waits for a CPU."""
 
 import contextlib
 from pathlib import Path
 
 CHECK_INTERVAL = 1.0
-"""How often a process is looked at [s]."""
+"""Interval between two checks of a process [s]."""
 
 SILENCE_TIMEOUT = 10.0
-"""A process that sends nothing for so long, not even a sign of life, hangs [s]."""
+"""A process that sends no message for this time, not even a heartbeat, hangs [s]."""
 
 OPEN_TIMEOUT = 60.0
-"""How long a work may take to open, unless its jobs may take longer [s]."""
+"""Maximum time for opening a work, unless its `job_timeout` is longer [s]."""
 
-_MIN_COUNTED = 0.1
-"""Part of the wall time that counts in any case, so that a job cannot take for ever on a machine that starves it."""
+_MIN_COUNTED_SHARE = 0.1
+"""Minimum share of the wall time that counts, so that a job times out even if the process never gets a CPU."""
 
 
 class HangDetector:
-    """Measures how long a process has been silent, and how long it has been at one job.
+    """Measures how long a process has sent no message, and how long its job takes.
 
-    Time in which the process waited for a processor does not count: a slow renderer on a busy machine is left alone.
-    Silence counts only while the process does not compute either: some library calls keep Python's other threads,
-    among them the one that sends the signs of life, waiting for seconds. Linux tells both times; elsewhere, wall time
-    counts. From any thread, one at a time; `message_received` at any time.
+    Time in which the process waited for a CPU does not count, so that a slow renderer on a busy machine is not killed.
+    Silence counts only while the process does not compute, because some library calls block Python's other threads,
+    including the one that sends heartbeats, for seconds. Linux reports both times; on other systems, wall time counts.
+    Call `check` from one thread at a time; `message_received` may be called from any thread at any time.
 
     Attributes:
-        starved: Part of the time between the last two checks in which its threads waited for a processor, of that in
-            which they wanted to compute.
-        too_long: Whether `check` has found that it was at one thing for too long.
+        starved: Share of its runnable time between the last two checks in which the process waited for a CPU, 0 to 1.
+        too_long: Whether `check` has found that a job, or opening the work, took too long.
 
     Args:
-        pid: The process.
-        job_timeout: How long a job may take [s].
+        pid: The process id.
+        job_timeout: Maximum time of a job [s].
     """
 
     def __init__(self, pid: int, job_timeout: float) -> None:
@@ -40,28 +39,28 @@ class HangDetector:
         self._pid = pid
         self._job_timeout = job_timeout
         self._silent = self._spent = 0.0
-        self._heard = True
+        self._message_seen = True
         self._subject: object = None
-        self._looked: float | None = None
+        self._checked_at: float | None = None
         self._usage: tuple[float, float] | None = None
 
     def message_received(self) -> None:
-        """A message came from the process."""
-        self._heard = True
+        """Records that the process has sent a message."""
+        self._message_seen = True
 
     def check(self, now: float, subject: object, opening: bool) -> str:
-        """Returns why the process must be ended; empty if it need not.
+        """Returns why the process must be killed; empty if it does not hang.
 
         Args:
-            now: By `monotonic` [s].
-            subject: What the process is at; another object is another job, None is no job.
-            opening: Whether the subject is the opening of the work.
+            now: Time by `monotonic` [s].
+            subject: The current job; another object means another job, None means no job.
+            opening: Whether the process opens the work instead of performing a job.
         """
-        # Not more than twice: then it was this thread that was late, or the whole machine that slept.
-        elapsed = 0.0 if self._looked is None else min(now - self._looked, 2 * CHECK_INTERVAL)
-        self._looked = now
+        # Limited, because a longer time means that this thread was late or that the machine was suspended.
+        elapsed = 0.0 if self._checked_at is None else min(now - self._checked_at, 2 * CHECK_INTERVAL)
+        self._checked_at = now
         same, busy, self._subject = subject is not None and subject is self._subject, subject is not None, subject
-        silent, self._heard = not self._heard, False
+        silent, self._message_seen = not self._message_seen, False
         if not same:
             self._spent = 0.0
         if not silent:
@@ -71,41 +70,40 @@ class HangDetector:
             return ""
         computed, waited = self._used()
         if computed + waited < elapsed and runnable(self._pid):
-            # The system counts a wait for a processor when it is over; this one is not.
+            # The kernel counts a wait for a CPU only when it is over; this one still lasts.
             waited = elapsed - computed
         self.starved = waited / (computed + waited) if waited else 0.0
         if same:
-            self._spent += max(elapsed - waited, _MIN_COUNTED * elapsed)
+            self._spent += max(elapsed - waited, _MIN_COUNTED_SHARE * elapsed)
         if silent:
             self._silent += max(elapsed - waited - computed, 0.0)
         if self._silent >= SILENCE_TIMEOUT:
-            return f"nothing came from the process for {SILENCE_TIMEOUT:g} s"
+            return f"the process sent no message for {SILENCE_TIMEOUT:g} s"
         limit = max(self._job_timeout, OPEN_TIMEOUT) if opening else self._job_timeout
         if self._spent >= limit:
             self.too_long = True
-            return f"{'opening it' if opening else 'a job'} took longer than {limit:g} s (job_timeout)"
+            return f"{'opening the work' if opening else 'a job'} took longer than {limit:g} s (job_timeout)"
         return ""
 
     def _used(self) -> tuple[float, float]:
-        """Returns how long the threads computed, and how long they waited for a processor, since the last call [s]."""
+        """Returns how long the threads computed, and how long they waited for a CPU, since the last call [s]."""
         before, after = self._usage, usage(self._pid)
         self._usage = after
         if before is None or after is None:
             return 0.0, 0.0
-        # Threads that have ended are missing in the later sum.
+        # The later sum does not include threads that have ended.
         return max(after[0] - before[0], 0.0), max(after[1] - before[1], 0.0)
 
 
 def usage(pid: int) -> tuple[float, float] | None:
-    """Returns how long all threads of a process have computed, and have waited for a processor [s].
+    """Returns how long all threads of a process have computed, and how long they have waited for a CPU [s].
 
-    Returns:
-        None where the system does not tell.
+    Returns None if the operating system does not report it.
     """
     computed = waited = 0
     found = False
     for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
-        # A thread may end meanwhile.
+        # A thread may end during the loop.
         with contextlib.suppress(OSError, ValueError):
             on_processor, in_queue, _ = path.read_text(encoding="ascii").split()
             computed, waited, found = computed + int(on_processor), waited + int(in_queue), True
@@ -113,10 +111,10 @@ def usage(pid: int) -> tuple[float, float] | None:
 
 
 def runnable(pid: int) -> bool:
-    """Whether a thread of a process computes, or waits for a processor, at this moment; False where that is unknown."""
+    """Returns whether a thread of a process computes or waits for a CPU now; False if this is unknown."""
     for path in Path(f"/proc/{pid}/task").glob("*/stat"):
         with contextlib.suppress(OSError):
-            # The name of the thread stands before it in parentheses, and may have some itself.
+            # The thread's name comes before the state, in parentheses, and may itself contain parentheses.
             if path.read_bytes().rpartition(b")")[2].split()[:1] == [b"R"]:
                 return True
     return False

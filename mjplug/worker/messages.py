@@ -1,7 +1,7 @@
-"""What the server and a worker process say to each other: pickles, each with its length before it.
+"""The messages between the server and a worker process: pickles, each with its length before it.
 
-The server starts the process and holds the other ends of its pipes, so what is unpickled here cannot come from anybody
-else. Nothing heavy is imported: the process reads the first message before it knows where to import from.
+The server starts the process and holds the other ends of its pipes, so no other program can send pickles. This module
+imports only the standard library, because the process reads the first message before it knows the server's `sys.path`.
 """
 
 import os
@@ -9,24 +9,24 @@ import pickle
 import struct
 from typing import Any, BinaryIO, NamedTuple
 
-# Named tuples throughout: dataclasses that are frozen and have slots take ten times as long to pickle.
+# Named tuples, because frozen dataclasses with slots take ten times as long to pickle.
 
-BEAT_INTERVAL = 1.0
-"""How often a process says that it is alive [s]."""
+HEARTBEAT_INTERVAL = 1.0
+"""Interval between two heartbeats of a process [s]."""
 
 _LENGTH = struct.Struct("<Q")
 
 
 class ChildEnvironment(NamedTuple):
-    """The first thing that a process hears. The compiled model and the pickled `ChildSetup` follow, each as its bytes.
+    """The first message to a process. The compiled model and the pickled `ChildSetup` follow as bytes.
 
     Attributes:
         name: The plugin instance's name.
         parent: The server's process id.
-        sys_path: Where the server imports from.
-        log_level: The lowest level that the server's log wants.
-        states: Where the states are; see `mjplug.worker.states`.
-        priority: How much processor time the process gets beside other programs: `idle`, `low` or `normal`.
+        sys_path: The server's `sys.path`.
+        log_level: The lowest level that the server logs.
+        states: Handle of the shared states; see `mjplug.worker.states`.
+        priority: CPU priority of the process: `idle`, `low` or `normal`.
     """
 
     name: str
@@ -37,28 +37,28 @@ class ChildEnvironment(NamedTuple):
     priority: str
 
 
-class Beat(NamedTuple):
-    """The process is alive. It is sent by a thread that does nothing else."""
+class Heartbeat(NamedTuple):
+    """The process is alive. A thread of its own sends it."""
 
 
 class Ready(NamedTuple):
-    """The work is open; `said` is what its `open` returned."""
+    """The work is open; `text` is the result of `Work.open`."""
 
-    said: str
+    text: str
 
 
 class Done(NamedTuple):
-    """The job was performed; `report` is what `perform` returned."""
+    """The job was performed; `report` is the result of `Work.perform`."""
 
     report: Any
 
 
 class Failed(NamedTuple):
-    """The process ends.
+    """The process ends because of a failure.
 
     Attributes:
-        reason: Why, in one sentence.
-        permanent: Whether another process in the same environment would come no further.
+        reason: The reason, in one sentence.
+        permanent: Whether another process in the same environment would fail too.
     """
 
     reason: str
@@ -69,9 +69,9 @@ def write(fd: int, payload: bytes) -> None:
     """Writes one message.
 
     Raises:
-        OSError: The other side is gone.
+        OSError: The other process has ended.
     """
-    # One write for a short message: together with its length it wakes the reader once.
+    # A short message is written together with its length, so that the reader wakes up only once.
     parts = (_LENGTH.pack(len(payload)) + payload,) if len(payload) < 4096 else (_LENGTH.pack(len(payload)), payload)
     for part in parts:
         rest = memoryview(part)
@@ -80,7 +80,7 @@ def write(fd: int, payload: bytes) -> None:
 
 
 def read(stream: BinaryIO) -> bytes | None:
-    """Waits for one message; None when the other side is gone."""
+    """Waits for one message and returns it; None if the other process has ended."""
     head = stream.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
         return None
@@ -90,10 +90,10 @@ def read(stream: BinaryIO) -> bytes | None:
 
 
 def pack(message: Any) -> bytes:
-    """Returns a message's bytes."""
+    """Encodes a message."""
     return pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
 
 
 def unpack(payload: bytes) -> Any:
-    """Returns the message."""
+    """Decodes a message."""
     return pickle.loads(payload)

@@ -21,18 +21,18 @@ from mjplug.worker.hang_detector import CHECK_INTERVAL
 from mjplug.worker.supervisor import WorkerSupervisor
 
 _EXIT_GRACE = 1.0
-"""How long processes may take to end by themselves [s]."""
+"""Time for processes to end by themselves before they are killed [s]."""
 
 _KILL_WAIT = 0.5
-"""How long they may take to end when they have been killed [s]."""
+"""Time for killed processes to end [s]."""
 
 
 class ProcessWorkerPool:
     """Implements `mjplug.contracts.work.WorkerPool`: one process per spec.
 
     Args:
-        session: The server's settings of the network, which its processes use too.
-        endpoints: Where they join it, the first choice first.
+        session: The server's session settings, which the worker processes use too.
+        endpoints: Endpoints of the server's network, preferred first.
     """
 
     def __init__(self, session: SessionSettings, endpoints: tuple[str, ...]) -> None:
@@ -47,18 +47,18 @@ class ProcessWorkerPool:
         """Starts a process; see `mjplug.contracts.work.WorkerPool`.
 
         Raises:
-            PluginError: The work does not pickle, or a publisher is not of this server.
+            PluginError: The work cannot be pickled, or a publisher is not from this server.
         """
         publishers = [_own(spec.name, publisher) for publisher in spec.publishers]
         specs = tuple(publisher.remote_spec() for publisher in publishers)
         try:
             setup = pickle.dumps(ChildSetup(spec.work, specs, self._session, self._endpoints))
         except Exception as error:
-            # Whatever its author put into it.
+            # Any exception, because pickling runs code of the plugin.
             kind = type(spec.work).__name__
-            raise PluginError(f"the work {kind} of {spec.name} cannot be sent to a process: {error}") from error
-        # Saved once, however many processes are started.
-        self._model = self._model or _saved(simulation.model)
+            raise PluginError(f"{spec.name}: the work {kind} cannot be pickled: {error}") from error
+        # Saved once for all processes.
+        self._model = self._model or _model_bytes(simulation.model)
         writers = [writer for publisher in publishers for writer in publisher.writers]
         worker = WorkerSupervisor(spec, simulation, inbox, self._model, setup, writers)
         self._workers.append(worker)
@@ -68,7 +68,7 @@ class ProcessWorkerPool:
         return worker
 
     def close(self) -> None:
-        """Ends all processes, those that hang by force; a second call does nothing. It takes 1.5 s at most."""
+        """Stops all processes, and kills those that hang; takes at most 1.5 s. A second call does nothing."""
         self._closing.set()
         for worker in self._workers:
             worker.request_stop()
@@ -87,11 +87,13 @@ class ProcessWorkerPool:
 
 def _own(name: str, publisher: Publisher[Any]) -> WirePublisher[Any]:
     if not isinstance(publisher, WirePublisher):
-        raise PluginError(f"{name}: a work publishes to publishers of the server, not to {type(publisher).__name__}")
+        raise PluginError(
+            f"{name}: a work needs publishers from host.create_publisher, not a {type(publisher).__name__}"
+        )
     return publisher
 
 
-def _saved(model: mujoco.MjModel) -> bytes:
+def _model_bytes(model: mujoco.MjModel) -> bytes:
     buffer = np.empty((mujoco.mj_sizeModel(model), 1), np.uint8)
     mujoco.mj_saveModel(model, None, buffer)
     return buffer.tobytes()

@@ -1,4 +1,4 @@
-"""One worker process as the server sees it: started, talked to, ended."""
+"""The server's side of one worker process: start, messages, end."""
 
 import contextlib
 import io
@@ -16,39 +16,39 @@ if sys.platform == "linux":
     import fcntl
 
 PIPE_SIZE = 1 << 20
-"""Bytes that the pipe to a process holds, where the system allows it.
+"""Size of the pipe to a process, if the operating system allows it [bytes].
 
-The physics thread writes jobs to it, and a stopped process reads nothing: with Linux's 64 KiB, a job with thousands of
-tasks would block physics.
+The physics thread writes jobs to the pipe. If the process is stopped and does not read, a job with thousands of tasks
+would block physics with Linux's default of 64 KiB.
 """
 
 _EXIT_GRACE = 1.0
-"""How long a process may take to end after its last word [s]."""
+"""Time for a process to end after its last message before it is killed [s]."""
 
 
 class WorkerProcess:
-    """A running `python -m mjplug.worker`. Started by the thread that reads from it: with that thread, it dies.
+    """A running `python -m mjplug.worker`. It ends with the thread that creates it, which must also read from it.
 
     Args:
-        changes: Environment variables on top of the server's; an empty value takes one away.
-        inherited: File descriptors that it gets.
+        changes: Environment variables in addition to the server's; an empty value removes a variable.
+        inherited: File descriptors that the process inherits.
     """
 
     def __init__(self, changes: Mapping[str, str], inherited: tuple[int, ...]) -> None:
-        # A group of its own: what a terminal or `timeout` sends to the server's group is the server's to handle.
-        apart: dict[str, Any]
+        # In its own process group, because the server handles signals that a terminal or `timeout` sends to its group.
+        options: dict[str, Any]
         if sys.platform == "win32":
-            apart = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+            options = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
         else:
-            apart = {"process_group": 0, "pass_fds": inherited}
+            options = {"process_group": 0, "pass_fds": inherited}
         self._popen = subprocess.Popen(
-            # Without the current folder: a `queue.py` that lies there is not Python's.
+            # -P: a `queue.py` in the current folder must not replace Python's module.
             [sys.executable, "-P", "-m", "mjplug.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
             env=environment(changes),
-            **apart,
+            **options,
         )
         self._stdin = _pipe(self._popen.stdin)
         self._input = self._stdin.fileno()
@@ -59,56 +59,59 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """Its process id."""
+        """The process id."""
         return self._popen.pid
 
     def begin(self, environment: ChildEnvironment, model: bytes, setup: bytes) -> None:
-        """Tells it who it is. A process that is gone already is noticed by `receive`."""
+        """Sends the first messages. If the process has already ended, `receive` returns None."""
         with contextlib.suppress(OSError):
             for payload in (pack(environment), model, setup):
                 write(self._input, payload)
 
-    def perform(self, slot: int, job: Job, wanted: Sequence[bool], lag: float) -> bool:
-        """Asks a ready process to perform a job; returns whether it still listens. See `ChildRunner.perform`."""
+    def perform(self, slot: int, job: Job, matched: Sequence[bool], lag: float) -> bool:
+        """Sends a job to a ready process; returns False if the process has ended. See `ChildRunner.perform`."""
         try:
-            # Plain values: a dataclass takes ten times as long, and this is the physics thread.
-            write(self._input, pack((slot, wanted, lag, job.time_ns, job.epoch, tuple(job.tasks))))
+            # A tuple of plain values, because pickling a dataclass takes ten times as long on the physics thread.
+            write(self._input, pack((slot, matched, lag, job.time_ns, job.epoch, tuple(job.tasks))))
         except OSError:
             return False
         return True
 
     def receive(self) -> Any:
-        """Waits for its next message; None when it has ended. What cannot be understood ends it."""
+        """Waits for the next message of the process and returns it; None if the process has ended.
+
+        If a message cannot be unpickled, the process is killed and a `Failed` is returned.
+        """
         payload = read(self._output)
         if payload is None:
             return None
         try:
             return unpack(payload)
         except Exception as error:
-            # A report may pickle, and then not unpickle: exceptions with arguments of their own are like that.
+            # A picklable report may fail to unpickle, such as an exception class with its own constructor arguments.
             self.kill()
-            return Failed(f"what came from the process cannot be unpickled: {error!r}")
+            return Failed(f"a message of the process cannot be unpickled: {error!r}")
 
     def close_input(self) -> None:
-        """Asks a ready process to end after its present job; nothing may be sent any more."""
+        """Closes the input, so that a ready process ends after its current job. Send no message afterwards."""
         self._stdin.close()
 
     def kill(self) -> None:
-        """Ends it at once, with what it has started, since that may have its pipes too."""
+        """Kills the process and its child processes, because these may hold its pipes too."""
         if sys.platform == "win32":
             self._popen.kill()
         elif self._popen.returncode is None:
-            # Not waited for yet, so that the number of its group is no other's.
+            # The process was not waited for yet, so its group id is not reused.
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, signal.SIGKILL)
 
     @property
     def killed(self) -> bool:
-        """Whether it has been ended from outside, as the kernel does when memory runs out."""
+        """Whether the process was killed by SIGKILL, as the kernel does when memory runs out."""
         return sys.platform != "win32" and self._popen.returncode == -signal.SIGKILL
 
     def end(self) -> str:
-        """Sees to it that it has ended, and returns how, for the log. Nothing may be sent any more."""
+        """Waits until the process has ended, and kills it if needed; returns how it ended, for the log."""
         try:
             code = self._popen.wait(_EXIT_GRACE)
         except subprocess.TimeoutExpired:
@@ -116,15 +119,15 @@ class WorkerProcess:
             code = self._popen.wait()
         self._stdin.close()
         self._output.close()
-        return f"it was killed by {_signal(-code)}" if code < 0 else f"it ended with code {code}"
+        return f"the process was killed by {_signal(-code)}" if code < 0 else f"the process exited with code {code}"
 
 
 _DEFAULTS = {"OPENBLAS_NUM_THREADS": "1"}
-"""NumPy's threads for linear algebra spin when they are created, and would take processor time from physics."""
+"""NumPy's threads for linear algebra busy-wait after their start, which would take CPU time from physics."""
 
 
 def environment(changes: Mapping[str, str]) -> dict[str, str]:
-    """Returns the server's environment with some changes; an empty value takes a variable away."""
+    """Returns the server's environment variables with some changes; an empty value removes a variable."""
     full = {**_DEFAULTS, **os.environ, **changes}
     return {name: value for name, value in full.items() if value or name not in changes}
 

@@ -1,6 +1,6 @@
-"""Memory for two states that the server and one process share.
+"""Memory for two states that the server and one worker process share.
 
-It has no name that could be left behind: whoever still maps it keeps it alive, and with the last one it is gone.
+The memory is anonymous, so nothing remains if a process crashes: it is freed when the last process unmaps it.
 """
 
 import contextlib
@@ -17,11 +17,16 @@ _BYTES = 8
 
 
 class SharedStates:
-    """Two states, as rows of `slots`, of shape (2, size). Who may write to a row is agreed by message, not here.
+    """Two states in shared memory. The messages between the processes decide which process uses which state.
 
     Attributes:
-        slots: The states.
-        handle: What the other process needs to `attach`: an inherited file descriptor, or a name on Windows.
+        slots: The states, shape (2, size); see `mjplug.physics.snapshot`.
+        handle: The argument of `attach` in the other process: an inherited file descriptor, or a name on Windows.
+
+    Args:
+        memory: The shared memory.
+        size: Number of float64 values in a state.
+        handle: See the attribute.
     """
 
     def __init__(self, memory: mmap.mmap, size: int, handle: int | str) -> None:
@@ -30,10 +35,10 @@ class SharedStates:
 
     @classmethod
     def create(cls, size: int) -> "SharedStates":
-        """Makes the memory.
+        """Creates the memory.
 
         Args:
-            size: How many numbers a state has.
+            size: Number of float64 values in a state.
         """
         length = max(2 * size * _BYTES, _BYTES)
         if sys.platform == "win32":
@@ -45,7 +50,7 @@ class SharedStates:
 
     @classmethod
     def attach(cls, handle: int | str, size: int) -> "SharedStates":
-        """Maps, in the process, what the server has made."""
+        """Maps, in the worker process, the memory that the server has created."""
         length = max(2 * size * _BYTES, _BYTES)
         if sys.platform == "win32":
             return cls(mmap.mmap(-1, length, tagname=str(handle)), size, handle)
@@ -53,11 +58,11 @@ class SharedStates:
 
     @property
     def inherited(self) -> tuple[int, ...]:
-        """The file descriptors that the other process must get."""
+        """The file descriptors that the worker process must inherit."""
         return (self.handle,) if isinstance(self.handle, int) else ()
 
     def close(self) -> None:
-        """Closes the file; the memory itself lives as long as `slots`. A second call does nothing."""
+        """Closes the file; the memory itself exists as long as `slots`. A second call does nothing."""
         if isinstance(self.handle, int):
             with contextlib.suppress(OSError):
                 os.close(self.handle)
@@ -66,7 +71,7 @@ class SharedStates:
 
 def _anonymous_file() -> int:
     if hasattr(os, "memfd_create"):
-        # Never written to a disk: waiting for that could stop a physics step.
+        # Not backed by a disk, because writing to one could delay a physics step.
         return os.memfd_create("mjplug-states")
     with tempfile.TemporaryFile() as file:
         return os.dup(file.fileno())

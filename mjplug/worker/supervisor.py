@@ -1,4 +1,4 @@
-"""A work in a process: its plugin's view of it, and the thread that starts, hears and restarts the process."""
+"""Supervises the worker process of one work: a thread starts it, reads its messages and restarts it."""
 
 import logging
 import os
@@ -17,36 +17,37 @@ from mjplug.physics import snapshot
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
 from mjplug.wire.dialect import KeyWriter
-from mjplug.worker.handover import Handover
 from mjplug.worker.hang_detector import HangDetector
+from mjplug.worker.job_slots import JobSlots
 from mjplug.worker.messages import ChildEnvironment, Done, Failed, Ready
 from mjplug.worker.process import WorkerProcess
 from mjplug.worker.states import SharedStates
 
 RESTART_DELAYS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
-"""How long to wait before a process is started again [s]: longer each time, up to the last."""
+"""Delays before the first, second, … restart of a process [s]; further restarts use the last one."""
 
 MATCH_WAIT, ANSWERED_MATCH_WAIT = 0.1, 5.0
-"""How much later than the server a process may hear of a listener [s]: for a stream, and for what is answered.
+"""Maximum time to wait until the process has matched the same subscribers as the server [s]: for a stream, and for a
+job whose client gets a response.
 
-It is a millisecond as a rule, and seconds on a busy machine. A stream does not wait so long, because the listener may
-be gone again; one of its messages then is missing.
+It usually takes a millisecond, but seconds on a busy machine. A stream does not wait as long, because the subscriber
+may already be closed; a new subscriber may then miss one message.
 """
 
 STABLE_AFTER = 10.0
-"""A process that has run so long [s] was no failure: the next restart is quick again."""
+"""If a process has run for this time [s], the next restart uses the first delay again."""
 
 
 @dataclass(slots=True)
 class _Run:
-    """How one process fared.
+    """The run of one process, from its start to its end.
 
     Attributes:
-        reason: Why it ended.
-        opened_at: When its work was opened, by `monotonic` [s]; None if it never was.
-        hung: Whether it was ended because it hung.
-        permanent: Whether another one in the same environment would come no further.
-        lost: The tasks that were lost with it.
+        reason: Why the process ended.
+        opened_at: Time by `monotonic` at which the work was opened [s]; None if it was not.
+        hung: Whether the process was killed because it hung.
+        permanent: Whether another process in the same environment would fail too.
+        lost: The tasks that were lost with the process.
     """
 
     reason: str = ""
@@ -60,15 +61,15 @@ class WorkerSupervisor:
     """Implements `mjplug.contracts.work.Worker`.
 
     Attributes:
-        health: How it fares.
+        status: State and counters.
 
     Args:
-        spec: What it does.
-        simulation: Where states come from.
-        inbox: Through which the order's calls reach the physics thread.
-        model: The compiled model, as `mj_saveModel` writes it.
+        spec: The work and its settings.
+        simulation: The simulation whose state `submit` copies.
+        inbox: The inbox of the physics thread, on which the callbacks of the spec run.
+        model: The compiled model in the format of `mj_saveModel`.
         setup: The pickled `ChildSetup`.
-        writers: Those of the order's publishers, here in the server.
+        writers: The writers of the spec's publishers in the server's process.
     """
 
     def __init__(
@@ -88,12 +89,12 @@ class WorkerSupervisor:
         self._writers = writers
         self._logger = logger_of_server(f"{INSTANCES}.{spec.name}")
         self._states = SharedStates.create(snapshot.size(simulation.model))
-        self._handover = Handover(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
-        self.status = WorkerStatus(dropped=self._handover.dropped)
+        self._jobs = JobSlots(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
+        self.status = WorkerStatus(dropped=self._jobs.dropped)
         self._closing = threading.Event()
         self._guard = threading.Lock()
         self._process: WorkerProcess | None = None
-        # Both threads change it, each time in one call, which Python's lock makes whole.
+        # Two threads change it, each time in one call, which is atomic in Python.
         self._answered: set[str] = set()
         self._detector: HangDetector | None = None
         self._hung = ""
@@ -107,39 +108,39 @@ class WorkerSupervisor:
         return self._spec.name
 
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
-        """Hands over the present state; see `mjplug.contracts.work.Worker`."""
-        simulation, wanted = self._simulation, frozenset(tasks)
+        """Submits a job with the current state; see `mjplug.contracts.work.Worker`."""
+        simulation, names = self._simulation, frozenset(tasks)
         if answered:
-            self._answered.update(wanted)
+            self._answered.update(names)
             for writer in self._writers:
-                writer.look()
-        if not self._handover.put(simulation.time_ns, simulation.epoch, wanted):
-            self._post_lost(wanted, self.status.reason)
+                writer.refresh_matched()
+        if not self._jobs.put(simulation.time_ns, simulation.epoch, names):
+            self._post_lost(names, self.status.reason)
         elif self._spec.sync:
-            # Time stands still in the loop, not here: the loop serves requests meanwhile.
+            # This does not wait here: the loop takes no steps, but serves requests.
             self._spec.hold(True)
 
     def check(self, now: float) -> None:
-        """Ends a process that hangs; `_supervise` then starts another one.
+        """Kills the process if it hangs; `_supervise` then restarts it.
 
         Args:
-            now: By `monotonic` [s].
+            now: Time by `monotonic` [s].
         """
         with self._guard:
             process, detector = self._process, self._detector
             if process is None or detector is None or self._hung:
                 return
             opening = not self._ready
-            self._hung = detector.check(now, process if opening else self._handover.under_way, opening)
+            self._hung = detector.check(now, process if opening else self._jobs.running, opening)
             self.status.starved = detector.starved
             if self._hung:
                 self._set_state("restarting", self._hung)
                 process.kill()
 
     def request_stop(self) -> None:
-        """Asks the process to end, and lets none follow; a second call does nothing."""
+        """Asks the process to end, and prevents a restart; a second call does nothing."""
         self._closing.set()
-        self._handover.close()
+        self._jobs.close()
         with self._guard:
             if self._process is None:
                 return
@@ -149,11 +150,11 @@ class WorkerSupervisor:
                 self._process.kill()
 
     def end(self, until: float, at_last: float) -> None:
-        """Waits until the process and its thread are gone; before it, `request_stop`.
+        """Waits until the process and its thread have ended; call `request_stop` first.
 
         Args:
-            until: When to end it by force, by `monotonic` [s].
-            at_last: When to wait no longer, by `monotonic` [s].
+            until: Time by `monotonic` at which the process is killed [s].
+            at_last: Time by `monotonic` at which waiting ends [s].
         """
         self._thread.join(max(0.0, until - monotonic()))
         if self._thread.is_alive():
@@ -162,7 +163,7 @@ class WorkerSupervisor:
         if self._thread.is_alive():
             process = self._process
             self._logger.error(
-                "the worker process%s does not end although it was killed; the server stops without it",
+                "the worker process%s was killed, but has not ended; the server stops without waiting for it",
                 "" if process is None else f" {process.pid}",
             )
         self._states.close()
@@ -171,11 +172,11 @@ class WorkerSupervisor:
         try:
             self._keep_alive()
         except Exception:
-            self._logger.exception("the worker process cannot be looked after any more")
-            self._give_up("an internal error; see the log")
+            self._logger.exception("supervising the worker process failed")
+            self._set_unavailable("internal error; see the log")
 
     def _keep_alive(self) -> None:
-        """Keeps one process running until the server stops, or until it is clear that the work cannot be done here."""
+        """Keeps one process running until the server stops, or until the work proves unavailable on this machine."""
         failures, opened_before = 0, False
         while not self._closing.is_set():
             run = self._try_environments()
@@ -183,27 +184,27 @@ class WorkerSupervisor:
                 return
             if run.permanent and not opened_before:
                 self._logger.warning(
-                    "this cannot be done on this machine: %s; the server runs on without it", run.reason
+                    "the work is unavailable on this machine: %s; the server continues without it", run.reason
                 )
-                self._give_up(run.reason)
+                self._set_unavailable(run.reason)
                 return
             lost = run.lost
             if run.opened_at is None:
-                # What waited for a process that was open is given one more chance; others would wait for ever.
-                lost |= self._handover.disconnect(keep_waiting=False)
-            # One that hangs may do so time after time, and long after it was opened.
+                # A job that waited for an open process is kept for one more process; otherwise it could wait for ever.
+                lost |= self._jobs.disconnect(keep_waiting=False)
+            # A process that hung does not count as stable, because it may hang again and again.
             stable = run.opened_at is not None and not run.hung and monotonic() - run.opened_at > STABLE_AFTER
             opened_before |= run.opened_at is not None
             failures = 1 if stable else failures + 1
             pause = RESTART_DELAYS[min(failures, len(RESTART_DELAYS)) - 1]
             self._set_state("restarting", run.reason)
-            self._logger.error("the worker process: %s; it is started again in %g s", run.reason, pause)
+            self._logger.error("the worker process failed: %s; it is restarted in %g s", run.reason, pause)
             self._lose(lost, run.reason)
             self._closing.wait(pause)
             self.status.restarts += 1
 
     def _try_environments(self) -> _Run:
-        """Runs processes, in one environment after the other, until one has run for which there was hope."""
+        """Runs a process in one environment after the other, until one does not fail permanently; returns that run."""
         reasons: list[str] = []
         environments = self._spec.environments
         for changes in environments:
@@ -223,30 +224,30 @@ class WorkerSupervisor:
             try:
                 process = self._process = WorkerProcess(changes, self._states.inherited)
             except OSError as error:
-                # There may be memory and processes to spare again.
-                return _Run(f"it could not be started: {error}")
+                # Not permanent, because memory or processes may become available again.
+                return _Run(f"starting it failed: {error}")
             detector = self._detector = HangDetector(process.pid, self._spec.job_timeout)
             self._hung = ""
         run = _Run()
         try:
-            self._listen(process, detector, run)
+            self._read_messages(process, detector, run)
         finally:
-            # First, since the number of its pipe may be another file's as soon as it is closed.
-            run.lost = self._handover.disconnect(keep_waiting=True)
+            # First, because the file descriptor of the pipe may be reused as soon as it is closed.
+            run.lost = self._jobs.disconnect(keep_waiting=True)
             ended = process.end()
             with self._guard:
                 self._process, self._ready = None, False
         if not run.reason:
             run.hung = bool(self._hung)
             run.reason = self._hung or ended
-            # A driver that hangs is tried in the next environment; a process that was stopped or killed, once more.
+            # If opening the work hangs, the next environment is tried; a killed process is restarted in the same one.
             run.permanent = run.opened_at is None and (detector.too_long or not process.killed)
         return run
 
-    def _listen(self, process: WorkerProcess, detector: HangDetector, run: _Run) -> None:
-        """Tells a process who it is, and takes what it says to its end."""
+    def _read_messages(self, process: WorkerProcess, detector: HangDetector, run: _Run) -> None:
+        """Sends a process its setup, and handles its messages until it ends."""
         level = self._logger.getEffectiveLevel()
-        # In lockstep, physics waits for it anyhow.
+        # In lockstep, physics waits for the process, so a low priority has no advantage.
         priority = "normal" if self._spec.sync else self._spec.priority
         environment = ChildEnvironment(
             self._spec.name, os.getpid(), tuple(sys.path), level, self._states.handle, priority
@@ -259,27 +260,27 @@ class WorkerSupervisor:
                     self._log(message)
                 case Done(report):
                     self._finish(report)
-                case Ready(said):
+                case Ready(text):
                     run.opened_at = monotonic()
-                    self._open(process, said)
+                    self._open(process, text)
                 case Failed(reason, permanent):
                     run.reason, run.permanent = reason, permanent
 
-    def _open(self, process: WorkerProcess, said: str) -> None:
+    def _open(self, process: WorkerProcess, text: str) -> None:
         with self._guard:
             self._ready = True
         self._set_state("running", "")
-        self._inbox.post(partial(self._spec.on_ready, said))
+        self._inbox.post(partial(self._spec.on_ready, text))
         writers, answered = self._writers, self._answered
 
         def send(slot: int, job: Job) -> bool:
             lag = MATCH_WAIT if answered.isdisjoint(job.tasks) else ANSWERED_MATCH_WAIT
             return process.perform(slot, job, [writer.matched for writer in writers], lag)
 
-        self._handover.connect(send)
+        self._jobs.connect(send)
 
     def _finish(self, report: Any) -> None:
-        job = self._handover.finish()
+        job = self._jobs.finish()
         if job is not None:
             self.status.performed += 1
             self._answered.difference_update(job.tasks)
@@ -291,9 +292,9 @@ class WorkerSupervisor:
         if logger.isEnabledFor(record.levelno):
             logger.handle(record)
 
-    def _give_up(self, reason: str) -> None:
+    def _set_unavailable(self, reason: str) -> None:
         self._set_state("unavailable", reason)
-        self._post_lost(self._handover.close(), reason)
+        self._post_lost(self._jobs.close(), reason)
         self._resume_if_settled()
 
     def _lose(self, tasks: frozenset[str], reason: str) -> None:
@@ -302,12 +303,12 @@ class WorkerSupervisor:
         self._resume_if_settled()
 
     def _resume_if_settled(self) -> None:
-        """Lets simulated time go on if nothing is left to do; after what the plugin is to hear of it."""
+        """Lets the loop continue if no job is left, after the callbacks that were posted before."""
         if self._spec.sync:
-            self._inbox.post(self._settle)
+            self._inbox.post(self._release_hold)
 
-    def _settle(self) -> None:
-        if self._handover.settled:
+    def _release_hold(self) -> None:
+        if self._jobs.settled:
             self._spec.hold(False)
 
     def _post_lost(self, tasks: frozenset[str], reason: str) -> None:

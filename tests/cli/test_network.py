@@ -55,5 +55,5 @@ def test_a_port_that_another_program_has_is_refused_with_a_free_one(cli):
         endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
         done = cli("serve", "bundled:box", "--quiet", "--listen", endpoint)
     assert (done.returncode, done.stdout) == (5, "")
-    assert f"error: {endpoint} is taken by another program that does not speak Zenoh" in done.stderr
+    assert f"error: {endpoint} is in use by another program that does not speak Zenoh" in done.stderr
     assert "choose another endpoint with --listen, such as --listen tcp/127.0.0.1:" in done.stderr

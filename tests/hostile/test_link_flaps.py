@@ -116,7 +116,7 @@ def far(cable, tmp_path):
         yield client
         assert server.stop() == 0
         assert "Traceback" not in server.err.text
-        assert "accepts everybody" in server.err.text
+        assert "accepts all clients" in server.err.text
     finally:
         if client is not None:
             client.kill()

@@ -214,7 +214,7 @@ def test_other_plugins_stay_mujoco_s_own_affair(here):
 
 
 WRONG = [
-    ({"resolution": None}, "it has no resolution; that must be two whole numbers above 0: columns and rows"),
+    ({"resolution": None}, "resolution is missing; it must be two whole numbers above 0: columns and rows"),
     ({"resolution": "360"}, "resolution is '360'; it must be two whole numbers above 0: columns and rows"),
     ({"resolution": "0 1"}, "resolution is '0 1'; it must be two whole numbers above 0: columns and rows"),
     ({"resolution": "1.5 1"}, "resolution is '1.5 1'; it must be two whole numbers above 0: columns and rows"),
@@ -239,7 +239,7 @@ WRONG = [
     ({"max_range": "0"}, "max_range is '0'; it must be a number above 0 [m]"),
     ({"max_range": "inf"}, "max_range is 'inf'; it must be a number above 0 [m]"),
     ({"min_range": "-1"}, "min_range is '-1'; it must be a number not below 0 [m]"),
-    ({"min_range": "10"}, "max_range is 10; it must be above min_range, which is 10"),
+    ({"min_range": "10"}, "max_range is 10; it must be greater than min_range, which is 10"),
     ({"update_rate": "-1"}, "update_rate is '-1'; it must be a number not below 0 [Hz]; 0 is every step"),
     ({"async": "true"}, "async is 'true'; it must be a number; other than 0 means yes"),
     ({"max_rang": "1"}, "unknown attribute 'max_rang', did you mean 'max_range'?; known: async, azimuth_range, "),

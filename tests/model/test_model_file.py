@@ -71,7 +71,7 @@ def test_a_compiled_model_of_another_version_says_which(here):
 
 def test_what_is_no_compiled_model(here):
     (here / "a.mjb").write_bytes(b"hello, this is text")
-    assert refusal("a.mjb") == f"{here}/a.mjb is no compiled MuJoCo model"
+    assert refusal("a.mjb") == f"{here}/a.mjb is not a compiled MuJoCo model"
 
 
 @pytest.mark.parametrize("name", ["ball.xml", "packed.xml", "model.xml"])
@@ -121,11 +121,11 @@ def test_what_is_no_model_file_is_refused_in_one_sentence(here):
     assert refusal("folder") == f"{here}/folder is a directory, not a model"
     assert refusal(".") == f"{here} is a directory, not a model; it has ball.xml, empty.xml"
     assert refusal("arm.urdf.xacro") == (
-        f"{here}/arm.urdf.xacro is a xacro template; make a URDF of it first: xacro arm.urdf.xacro -o arm.urdf"
+        f"{here}/arm.urdf.xacro is a xacro template; convert it to a URDF first: xacro arm.urdf.xacro -o arm.urdf"
     )
     (here / "scene.sdf").write_text("<sdf/>")
     assert refusal("scene.sdf") == (
-        f"{here}/scene.sdf is no model by its name; models end with .xml, .mjcf, .urdf, .mjb, .mjz"
+        f"{here}/scene.sdf is not a model file; the name of a model file ends with .xml, .mjcf, .urdf, .mjb, .mjz"
     )
     (here / "bad.mjz").write_text("no archive")
     assert refusal("bad.mjz").startswith(f"{here}/bad.mjz: ")
@@ -152,7 +152,7 @@ def test_a_model_in_a_ros_package(here):
         "but has no file 'models/n.xml'"
     )
     assert refusal("package://nobody/m.xml", environ=environ) == (
-        "'package://nobody/m.xml': there is no package 'nobody' on AMENT_PREFIX_PATH or ROS_PACKAGE_PATH"
+        "'package://nobody/m.xml': there is no package 'nobody' in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH"
     )
 
 
@@ -207,11 +207,14 @@ def test_visual_meshes_that_mujoco_drops_need_not_exist(here):
 def test_meshes_that_cannot_be_used_are_named(here):
     (here / "arm.urdf").write_text(urdf("package://nobody/link.stl"))
     assert refusal("arm.urdf", environ={}) == (
-        f"{here}/arm.urdf: 'package://nobody/link.stl': there is no package 'nobody' on AMENT_PREFIX_PATH or "
+        f"{here}/arm.urdf: 'package://nobody/link.stl': there is no package 'nobody' in AMENT_PREFIX_PATH or "
         "ROS_PACKAGE_PATH, nor in a folder around the URDF"
     )
     (here / "arm.urdf").write_text(urdf("link.dae"))
-    assert refusal("arm.urdf") == f"{here}/arm.urdf: MuJoCo reads no .dae meshes, only .stl, .obj, .msh: 'link.dae'"
+    assert (
+        refusal("arm.urdf")
+        == f"{here}/arm.urdf: MuJoCo does not support the mesh format of 'link.dae'; supported: .stl, .obj, .msh"
+    )
     (here / "arm.urdf").write_text(urdf("meshes/link.stl"))
     assert refusal("arm.urdf") == f"{here}/arm.urdf: there is no mesh '{here}/meshes/link.stl'"
 

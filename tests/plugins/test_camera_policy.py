@@ -192,9 +192,9 @@ def test_a_lost_process_refuses_the_triggers_it_had():
     call = world.call("/cameras/front/trigger")
     spec = worker(world).spec
     (task,) = worker(world)._waiting[0].tasks
-    world.loop.inbox.post(lambda: spec.on_lost(frozenset([task]), "it was killed by SIGKILL"))
+    world.loop.inbox.post(lambda: spec.on_lost(frozenset([task]), "the process was killed by SIGKILL"))
     world.loop.step(1)
-    assert call.refusal == "it was killed by SIGKILL"
+    assert call.refusal == "the process was killed by SIGKILL"
 
 
 def test_a_busy_process_gets_the_newest_state_and_what_it_misses_is_counted(caplog):

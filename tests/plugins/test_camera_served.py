@@ -83,7 +83,7 @@ def test_a_killed_process_is_replaced_and_triggers_go_on(serve):
         depth = client.listen("cameras/eye/depth")
         assert client.do("cameras/eye/trigger").endswith("; stamp 0.000000000")
         os.kill(worker_of(server), signal.SIGKILL)
-        server.err.wait_for("it was killed by SIGKILL; it is started again", STARTING)
+        server.err.wait_for("the process was killed by SIGKILL; it is restarted", STARTING)
         client.do("mjplug/step_simulation", steps=7)
         depth.forget()
         assert client.do("cameras/eye/trigger") == "published depth; stamp 0.014000000"
@@ -106,7 +106,7 @@ def test_in_lockstep_requests_are_answered_while_a_process_is_started_again(serv
             assert client.ask("mjplug/set_pause", paused=True)["success"] is True
         # Pausing ends steps that are under way.
         steps.answer(STARTING)
-        server.err.wait_for("it is started again in 0.5 s", STARTING)
+        server.err.wait_for("it is restarted in 0.5 s", STARTING)
         color.forget()
         client.do("mjplug/set_pause", paused=False)
         color.sample(STARTING)

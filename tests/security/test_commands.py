@@ -74,7 +74,7 @@ def test_show_tells_who_has_a_certificate(tmp_path):
         (
             ("show",),
             1,
-            "error: keys has no authority (keys.json is missing); make one with: mjplug keys init --out keys",
+            "error: keys contains no authority (keys.json is missing); make one with: mjplug keys init --out keys",
         ),
         (("init", "--host", "tcp/1.2.3.4:7447"), 1, "error: 'tcp/1.2.3.4:7447' is no host name and no IP address"),
         (("init", "--days", "1e9"), 2, "Invalid value for '--days'"),

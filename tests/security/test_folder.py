@@ -182,7 +182,7 @@ def test_what_was_written_is_read_again(keys):
         (lambda keys: keys.add("bob", "server", ["x"]), "bob was an? operator"),
         (lambda keys: keys.renew("bob"), "bob was revoked"),
         (lambda keys: keys.renew("nobody"), "there is no 'nobody'.*there are: worker, server"),
-        (lambda keys: keys.revoke("bob"), "bob was revoked already, on 20"),
+        (lambda keys: keys.revoke("bob"), "bob was already revoked on 20"),
         (lambda keys: keys.revoke("server"), "make a new authority in another folder"),
     ],
 )  # fmt: skip

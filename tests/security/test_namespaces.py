@@ -175,7 +175,7 @@ def test_without_a_valid_certificate_nothing_comes_in(lab, name):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("nobody", "lets in only clients with a certificate"),
+        ("nobody", "requires a client certificate"),
         ("bob", "refuses the certificate in keys/bob.json5: it was revoked"),
         ("eve", "the certificate in keys/eve.json5 expired on 20"),
     ],

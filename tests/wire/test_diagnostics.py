@@ -7,7 +7,7 @@ import zenoh
 
 from mjplug.contracts.diagnostics import Level
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
-from mjplug.wire.calls import SMALL, OpenCalls, WireCall
+from mjplug.wire.calls import MAX_SMALL_REQUEST, OpenCalls, WireCall
 from mjplug.wire.diagnostics import WireDiagnostics
 from mjplug_schemas.std_msgs import Float64
 from mjplug_schemas.std_srvs import SetBool
@@ -78,14 +78,15 @@ def test_requests_that_are_refused_as_busy_are_counted_and_warned_of_once(new_ne
     assert taken.wait(PATIENCE)
     for _ in range(3):
         answer = client.call("robot1/switch", b"{}", encoding="application/json")
-        assert answer.json == {"success": False, "message": "busy: 1 requests are waiting already"}
+        assert answer.json == {
+            "success": False,
+            "message": "busy: 1 requests are waiting, which is the maximum; try again later",
+        }
     said = health.diagnose()
     assert (said.level, said.message) == (Level.WARN, "3 requests were refused as busy")
     assert said.values["refused as busy on /robot1/switch"] == said.values["refused as busy"] == 3
     assert health.diagnose().level == Level.OK
-    about = (
-        "service /robot1/switch: a request was refused (1 so far): too many requests are waiting for an answer already"
-    )
+    about = "service /robot1/switch: a request was refused (1 so far): too many requests are waiting"
     assert [line for line in caplog.messages if "waiting" in line] == [about]
 
 
@@ -104,16 +105,14 @@ class Waiting:
 
 
 def test_large_requests_that_wait_have_a_limit_in_bytes_and_small_ones_still_get_in():
-    calls = OpenCalls(most_bytes=10_000)
-    inquiries = [Waiting(size) for size in (5000, 5000, 5000, SMALL, SMALL)]
+    calls = OpenCalls(max_bytes=10_000)
+    inquiries = [Waiting(size) for size in (5000, 5000, 5000, MAX_SMALL_REQUEST, MAX_SMALL_REQUEST)]
     waiting = [WireCall(raw, SetBool.Request(), "cdr", SetBool, calls) for raw in inquiries]
     assert [calls.admit(call) for call in waiting] == ["admitted", "admitted", "busy", "admitted", "admitted"]
     assert (len(calls), calls.bytes) == (4, 10_000)
     refused = inquiries[2].replies.get(timeout=PATIENCE)
     assert refused.success is False
-    assert refused.message.startswith(
-        "busy: the requests that wait have 10000 bytes already, at most 10000 are accepted"
-    )
+    assert refused.message.startswith("busy: the waiting requests have 10000 bytes; at most 10000 are accepted")
     waiting[0].respond(SetBool.Response(success=True))
     assert (len(calls), calls.bytes) == (3, 5000)
     again = WireCall(Waiting(5000), SetBool.Request(), "cdr", SetBool, calls)

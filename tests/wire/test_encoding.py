@@ -54,13 +54,17 @@ def test_a_stated_encoding_is_followed(encoding, payload, form):
         (
             "application/protobuf",
             CDR,
-            "the encoding is 'application/protobuf'; application/cdr and application/json are",
+            "the encoding is 'application/protobuf'; only application/cdr and application/json are",
         ),
-        ("application/cdr;geometry_msgs/msg/Twist", CDR, "the encoding says 'geometry_msgs/msg/Twist'; 'std_msgs/msg/"),
-        (None, b"\xff\xfe\xfd\xfc\xfb", "the payload starts with ff fe fd fc, which is neither CDR nor a JSON object"),
-        (None, b"", "the payload is empty, which is neither CDR nor a JSON object"),
+        (
+            "application/cdr;geometry_msgs/msg/Twist",
+            CDR,
+            "the encoding states the type 'geometry_msgs/msg/Twist'; 'std_msgs/msg/",
+        ),
+        (None, b"\xff\xfe\xfd\xfc\xfb", "the payload starts with ff fe fd fc, so it is neither CDR nor a JSON object"),
+        (None, b"", "the payload is empty, so it is neither CDR nor a JSON object"),
         (None, None, "the payload is empty"),
-        (None, b"[1]", "the payload starts with 5b 31 5d, which is neither"),
+        (None, b"[1]", "the payload starts with 5b 31 5d, so it is neither"),
         ("application/cdr", JSON, "std_msgs/msg/String: expected a 4-byte CDR header"),
     ],
 )
@@ -115,7 +119,10 @@ def test_json_that_takes_long_to_decode_is_refused_but_the_same_in_cdr_is_not():
     for encoding in (None, "application/json"):
         with pytest.raises(PayloadError) as refused:
             decode(_wrenches(1023), encoding, decoder)
-        assert str(refused.value) == "the JSON has 1025 objects (counted by '{'); at most 1024 are accepted, send CDR"
+        assert (
+            str(refused.value)
+            == "the JSON has 1025 objects (counted by '{'); at most 1024 are accepted, send CDR instead"
+        )
     many = ApplyExternalWrench.Request.from_json(_wrenches(5000))
     assert decode(many.to_cdr(), None, decoder) == ("cdr", many)
 
@@ -137,7 +144,7 @@ def test_json_over_a_limit_is_refused_before_it_is_decoded(payload, sentence):
     for encoding in (None, "application/json", "text/json"):
         with pytest.raises(PayloadError) as refused:
             decode(payload, encoding)
-        assert str(refused.value) == f"{sentence}, send CDR"
+        assert str(refused.value) == f"{sentence}, send CDR instead"
 
 
 def test_json_of_exactly_the_limit_is_decoded():
@@ -170,7 +177,7 @@ def test_a_type_name_that_zenoh_cannot_send_is_refused_before_zenoh_panics():
     assert len(Longest.TYPE) == 255
     assert str(encoding_of("cdr", Longest)).endswith(f";{Longest.TYPE}")
     TooLong = type("L" * 11, (Short,), {"__module__": __name__}, package="p" * 240)  # noqa: N806
-    with pytest.raises(WireError, match="has 256 bytes; Zenoh can send names of 255 bytes at most"):
+    with pytest.raises(WireError, match="has 256 bytes; Zenoh accepts at most 255"):
         encoding_of("cdr", TooLong)
     assert str(encoding_of("json", TooLong)) == "application/json"
 

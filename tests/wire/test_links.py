@@ -198,15 +198,15 @@ MUTUAL = {"transport__link__tls__enable_mtls": True}
         ("tcp/localhost:7447", {}, None),
         ("udp/127.0.0.1:7447", {}, None),
         ("unixsock-stream//tmp/zenoh.sock", {}, None),
-        ("tcp/0.0.0.0:7447", {}, "accepts everybody, and nothing is encrypted"),
-        ("tcp/[::]:7447", {}, "accepts everybody, and nothing is encrypted"),
-        ("udp/0.0.0.0:7447", {}, "accepts everybody, and nothing is encrypted"),
-        ("ws/192.0.2.1:7447", {}, "accepts everybody, and nothing is encrypted"),
-        ("tcp/no-such-host.invalid:7447", {}, "accepts everybody, and nothing is encrypted"),
-        ("tcp/0.0.0.0:7447#iface=eth0", {}, "accepts everybody, and nothing is encrypted"),
+        ("tcp/0.0.0.0:7447", {}, "accepts all clients without authentication or encryption"),
+        ("tcp/[::]:7447", {}, "accepts all clients without authentication or encryption"),
+        ("udp/0.0.0.0:7447", {}, "accepts all clients without authentication or encryption"),
+        ("ws/192.0.2.1:7447", {}, "accepts all clients without authentication or encryption"),
+        ("tcp/no-such-host.invalid:7447", {}, "accepts all clients without authentication or encryption"),
+        ("tcp/0.0.0.0:7447#iface=eth0", {}, "accepts all clients without authentication or encryption"),
         ("tls/0.0.0.0:7447", {}, "is encrypted, but accepts clients without a certificate"),
         ("quic/192.0.2.1:7447", {}, "is encrypted, but accepts clients without a certificate"),
-        ("tcp/0.0.0.0:7447", MUTUAL, "accepts everybody, and nothing is encrypted"),
+        ("tcp/0.0.0.0:7447", MUTUAL, "accepts all clients without authentication or encryption"),
         ("tls/0.0.0.0:7447", MUTUAL, None),
         ("tls/0.0.0.0:7447#enable_mtls=true", {}, None),
         ("tcp/0.0.0.0:7447", PASSWORDS, None),
@@ -229,7 +229,7 @@ def test_a_server_that_everybody_can_reach_says_so_at_its_start(new_network, cap
         assert caplog.messages == []
         endpoint = new_network("/open", listen=("tcp/0.0.0.0:0",)).session.endpoint
     assert [line.split(":")[0] for line in caplog.messages] == ["tcp/0.0.0.0"]
-    assert caplog.messages[0].startswith(f"{endpoint} accepts everybody")
+    assert caplog.messages[0].startswith(f"{endpoint} accepts all clients")
 
 
 def test_servers_that_meet_on_one_port_have_one_link_each(network, new_network):

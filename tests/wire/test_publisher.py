@@ -93,7 +93,7 @@ def test_a_frame_is_put_as_it_is_and_decoded_only_for_json(encoded):
 
 def test_a_message_of_another_type_is_refused():
     one = publisher(KeyWriter("cdr", True))
-    with pytest.raises(TypeError, match="topic /x carries test_msgs/msg/Counted, not String"):
+    with pytest.raises(TypeError, match="topic /x has type test_msgs/msg/Counted, not String"):
         one.publish(String())
-    with pytest.raises(TypeError, match="topic /x carries test_msgs/msg/Counted, not String"):
+    with pytest.raises(TypeError, match="topic /x has type test_msgs/msg/Counted, not String"):
         one.publish_frame(CdrFrame(String()))

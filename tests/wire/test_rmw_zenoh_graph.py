@@ -27,7 +27,7 @@ from mjplug.contracts.transport import CLOCK, DEFAULT, LATEST, ServiceName, Topi
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.keys import RosSettings
-from mjplug.wire.rmw_zenoh.mismatches import MOST_HASHES
+from mjplug.wire.rmw_zenoh.mismatches import MAX_REPORTED_HASHES
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
@@ -138,10 +138,10 @@ def test_another_definition_of_a_type_is_said_aloud_once(network, client, caplog
     kept.append(client_token(f"{theirs}/{third}/::,1:,:,:,,"))
     told.get(timeout=PATIENCE)
     line, about_third = [line for line in caplog.messages if "type hash" in line]
-    assert f"type hash {third}, mjplug has {STRING_HASH}" in about_third
+    assert f"type hash {third}; the hash of mjplug is {STRING_HASH}" in about_third
     assert line.startswith(
-        f"/mujoco_heartbeat: node /robot1/listener has a subscription for std_msgs/msg/String with type hash {other}, "
-        f"mjplug has {STRING_HASH}. Messages may not get through"
+        "/mujoco_heartbeat: node /robot1/listener has a subscription of type std_msgs/msg/String "
+        f"with type hash {other}; the hash of mjplug is {STRING_HASH}. Messages may not arrive"
     )
     assert "`ros2 interface show std_msgs/msg/String`" in line
     assert "mjplug/interfaces?schema=true" in line
@@ -160,8 +160,8 @@ def test_a_flood_of_type_hashes_neither_fills_the_log_nor_memory(network, client
     lines = [line for line in caplog.messages if "type hash" in line]
     told = [line for line in lines if line.startswith("/mujoco_heartbeat: node /listener")]
     more = [line.partition(": the latest")[0] for line in lines if line not in told]
-    assert len(told) == MOST_HASHES
-    what = "/mujoco_heartbeat: nodes announce further type hashes of std_msgs/msg/String"
+    assert len(told) == MAX_REPORTED_HASHES
+    what = "/mujoco_heartbeat: nodes announce more type hashes of std_msgs/msg/String"
     assert more == [f"{what} ({number} so far)" for number in (1, 10, 100)]
     assert len(kept) == count
 
@@ -170,7 +170,7 @@ def test_a_flood_of_type_hashes_neither_fills_the_log_nor_memory(network, client
     ("distro", "theirs", "way_out"),
     [
         ("jazzy", "TypeHashNotSupported", "set ros2.distro to humble"),
-        ("humble", STRING_HASH, "set ros2.distro to what it is on"),
+        ("humble", STRING_HASH, "set ros2.distro to its distribution"),
     ],
 )
 def test_the_wrong_distribution_is_named_as_the_cause(new_ros_network, client_of, caplog, distro, theirs, way_out):

@@ -93,7 +93,7 @@ def test_other_types_and_other_hashes_are_refused(call):
     )
     response = call("get_type_description", GetTypeDescription, type_name=GetTypeDescription.TYPE, type_hash="RIHS01_0")
     assert response.failure_reason == (
-        f"{GetTypeDescription.TYPE} has the type hash {type_hash(GetTypeDescription)} here, not RIHS01_0"
+        f"the type hash of {GetTypeDescription.TYPE} is {type_hash(GetTypeDescription)} at this node, not RIHS01_0"
     )
 
 

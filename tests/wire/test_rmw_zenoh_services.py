@@ -99,8 +99,8 @@ def test_a_request_of_another_definition_is_refused_and_not_decoded(new_ros_netw
     ours = RosSettings().type_hash(SetBool)
     assert response == SetBool.Response(
         success=False,
-        message="the sender has another definition of std_srvs/srv/SetBool: "
-        f"its type hash is {foreign}, here it is {ours}",
+        message="the sender uses another definition of std_srvs/srv/SetBool: "
+        f"its type hash is {foreign}, the server's is {ours}",
     )
     assert Attachment.from_bytes(bytes(reply.ok.attachment)).sequence_number == 7
     assert calls == []
@@ -148,7 +148,7 @@ def test_a_flood_of_refusals_without_words_does_not_fill_the_log(network, client
     for number in range(25):
         request(client, RosSettings().data_key("/empty", Empty), b"\0\1\0\0\0", Attachment(number, 1, WHO).to_bytes())
     assert caplog.messages == [
-        f"a client got an empty response ({count} so far): std_srvs/srv/Empty cannot say that a request failed: not now"
+        f"a client got an empty response ({count} so far): std_srvs/srv/Empty has no field for a failure: not now"
         for count in (1, 10)
     ]
 

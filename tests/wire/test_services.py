@@ -68,9 +68,13 @@ def test_a_request_is_answered_in_its_own_form(client, served, payload, encoding
         (b'{"data": 3}', None, "std_srvs/srv/SetBool_Request: data must be"),
         (b'{"dat": true}', None, "std_srvs/srv/SetBool_Request"),
         (b"\0\1\0\0\7", None, "std_srvs/srv/SetBool_Request"),
-        (b"\xde\xad\xbe\xef", None, "the payload starts with de ad be ef, which is neither CDR nor a JSON object"),
-        (b"\0\1\0\0\1", "application/cdr;std_srvs/srv/Trigger", "the encoding says 'std_srvs/srv/Trigger'"),
-        (b"\0\1\0\0\1", "image/png", "the encoding is 'image/png'; application/cdr and application/json are accepted"),
+        (b"\xde\xad\xbe\xef", None, "the payload starts with de ad be ef, so it is neither CDR nor a JSON object"),
+        (b"\0\1\0\0\1", "application/cdr;std_srvs/srv/Trigger", "the encoding states the type 'std_srvs/srv/Trigger'"),
+        (
+            b"\0\1\0\0\1",
+            "image/png",
+            "the encoding is 'image/png'; only application/cdr and application/json are accepted",
+        ),
         (bytes(10 << 20), None, f"the payload has {10 << 20} bytes; at most {1 << 20} are accepted"),
     ],
 )
@@ -95,7 +99,7 @@ def test_a_ros_client_gets_a_response_even_where_the_type_cannot_say_that_it_fai
     answer = client.call("empty", b"\0\1\0\0\0", attachment=BRIDGE)
     assert answer.ok
     assert answer.payload == Empty.Response().to_cdr()
-    assert any("std_srvs/srv/Empty cannot say that a request failed" in line for line in caplog.messages)
+    assert any("std_srvs/srv/Empty has no field for a failure" in line for line in caplog.messages)
 
 
 def test_a_refusal_is_a_response_where_the_type_can_say_so_and_an_error_otherwise(client, network):
@@ -162,7 +166,10 @@ def test_over_the_limit_a_client_is_told_that_the_server_is_busy(new_network, cl
     for _ in range(2):
         client.session.get("trigger", answers.put)
         calls.get(timeout=PATIENCE)
-    assert client.call("trigger").json == {"success": False, "message": "busy: 2 requests are waiting already"}
+    assert client.call("trigger").json == {
+        "success": False,
+        "message": "busy: 2 requests are waiting, which is the maximum; try again later",
+    }
 
 
 def test_only_the_first_answer_counts(client, network):
@@ -187,7 +194,7 @@ def test_a_response_of_another_type_is_refused_and_the_call_stays_open(client, n
 
     network.open_service(ServiceName("/trigger", Trigger), answer)
     assert client.call("trigger").json["success"] is True
-    assert failures == ["std_srvs/srv/Trigger needs a std_srvs/srv/Trigger_Response, not Request"]
+    assert failures == ["the response of std_srvs/srv/Trigger must be a std_srvs/srv/Trigger_Response, not Request"]
 
 
 def test_a_deliver_that_fails_refuses_the_call(client, network, caplog):
@@ -197,9 +204,9 @@ def test_a_deliver_that_fails_refuses_the_call(client, network, caplog):
     network.open_service(ServiceName("/trigger", Trigger), deliver)
     assert client.call("trigger").json == {
         "success": False,
-        "message": "the server failed to take the request; its log says why",
+        "message": "internal error: delivering the request failed; see the server's log",
     }
-    assert "service /trigger: a request could not be handed over" in caplog.messages
+    assert "service /trigger: delivering a request failed" in caplog.messages
     assert len(network.open_calls) == 0
 
 
@@ -292,5 +299,5 @@ def test_a_client_that_stops_reading_does_not_hold_up_who_answers(network, clien
 
 def test_a_service_is_offered_once(network):
     network.open_service(ServiceName("/trigger", Trigger), print)
-    with pytest.raises(WireError, match="service /trigger is offered already; give one of the two another name"):
+    with pytest.raises(WireError, match="the service /trigger already exists; give one of the two another name"):
         network.open_service(ServiceName("/trigger", Empty), print)

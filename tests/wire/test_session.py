@@ -67,12 +67,12 @@ def test_a_foreign_program_on_the_port_is_named_with_the_way_out(foreign):
     with pytest.raises(WireError) as refused:
         open_session(SessionSettings(listen=(foreign,)), "/mjplug")
     sentence = str(refused.value)
-    assert sentence.startswith(f"{foreign} is taken by another program that does not speak Zenoh")
-    assert "--listen tcp/127.0.0.1:0 for any free one" in sentence
+    assert sentence.startswith(f"{foreign} is in use by another program that does not speak Zenoh")
+    assert "--listen tcp/127.0.0.1:0 for any free port" in sentence
 
 
 def test_a_router_that_must_be_one_does_not_join(network):
-    with pytest.raises(WireError, match="is taken by another program; choose another endpoint with --listen, or join"):
+    with pytest.raises(WireError, match="is in use by another program; choose another endpoint with --listen, or use"):
         open_session(SessionSettings(mode="router", listen=network.session.listening), "/robot2/mjplug")
 
 
@@ -90,13 +90,13 @@ def test_a_second_server_of_the_same_name_is_refused(network, new_network):
 def test_a_token_without_a_server_does_not_keep_a_server_from_starting(
     network, client, new_network, monkeypatch, caplog
 ):
-    monkeypatch.setattr(identity, "_CHALLENGE", 0.3)
+    monkeypatch.setattr(identity, "_HOLDER_TIMEOUT", 0.3)
     kept = client.session.liveliness().declare_token("@mjplug/victim/squatter\x1b[31m")
     client.settle()
     victim = new_network("/victim", listen=network.session.listening)
     assert client.call("victim/interfaces").json["name"] == victim.listing.name == "/victim"
     (warning,) = [line for line in caplog.messages if "announces a server" in line]
-    assert "announces a server named /victim, but no such server answered within 0.3 s" in warning
+    assert "announces a server named /victim, but did not answer within 0.3 s" in warning
     kept.undeclare()
 
 
@@ -119,7 +119,7 @@ def test_a_flood_of_tokens_of_our_name_does_not_fill_the_log(network, client, ca
     declare = client.session.liveliness().declare_token
     kept = [declare(f"@mjplug/mjplug/other{number}") for number in range(150)]
     client.settle()
-    errors = [line for line in caplog.messages if "another server named /mjplug has appeared" in line]
+    errors = [line for line in caplog.messages if "another server named /mjplug appeared" in line]
     assert len(errors) == 3
     assert len(kept) == 150
 
@@ -148,7 +148,7 @@ class Warned(logging.Handler):
 
     def about(self, *sessions):
         """Returns once each of these servers has been named, by its Zenoh id."""
-        missing = {f"has appeared on this network (Zenoh id {session.zenoh.zid()})" for session in sessions}
+        missing = {f"Zenoh id {session.zenoh.zid()} is on this network" for session in sessions}
         while missing:
             line = self._lines.get(timeout=2 * PATIENCE)
             missing = {part for part in missing if part not in line}

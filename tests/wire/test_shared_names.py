@@ -154,7 +154,7 @@ def test_a_program_that_poses_as_a_server_does_no_harm(server, client_of, warnin
         liar.session.declare_queryable("liar/interfaces", lambda query: query.reply("liar/interfaces", answer))
     )
     liar._kept.append(liar.session.liveliness().declare_token("@mjplug/liar/1/@ready"))
-    assert warnings.next().startswith("what server /liar on this network answers is no list of interfaces: ")
+    assert warnings.next().startswith("server /liar on this network replied with an invalid list of interfaces: ")
     server("/b", "/x", listen=first.session.listening)
     # The second server asks the program too.
     told = [warnings.next(), warnings.next(), warnings.next()]

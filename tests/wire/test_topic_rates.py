@@ -26,12 +26,12 @@ def test_the_rates_of_topics_that_somebody_listens_to_are_told(network, client):
         unheard.publish(Float64())
     for publisher in (heard, twin, latched):
         publisher.publish_frame(CdrFrame(Float64()))
-    rates.look(12.0)
+    rates.refresh(12.0)
     said = rates.diagnose()
     assert said.values == {"/heard (Hz)": pytest.approx(16.0), "/latched (Hz)": pytest.approx(0.5)}
-    assert said.message == "16.5 messages a second on 2 topics"
+    assert said.message == "16.5 messages per second on 2 topics"
     assert not untouched.sent
-    rates.look(13.0)
+    rates.refresh(13.0)
     assert rates.diagnose().values == {"/heard (Hz)": 0.0}
     subscriber.undeclare()
 
@@ -43,6 +43,6 @@ def test_what_a_worker_publishes_is_not_counted_as_nothing(network, client):
     assert appeared.wait(PATIENCE)
     rates = TopicRates(network, 0.0)
     publisher.remote_spec()
-    rates.look(1.0)
+    rates.refresh(1.0)
     assert rates.diagnose().values == {}
     subscriber.undeclare()

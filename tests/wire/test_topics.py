@@ -221,7 +221,7 @@ def test_a_deliver_that_fails_is_logged_and_the_next_message_is_delivered(client
     publisher.put(String(data="bad").to_cdr())
     publisher.put(HELLO_CDR)
     assert messages.get(timeout=PATIENCE) == HELLO
-    assert "topic /chatter: a message could not be handed over" in caplog.messages
+    assert "topic /chatter: delivering a message failed" in caplog.messages
 
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
@@ -240,7 +240,8 @@ def test_a_latched_subscription_gets_what_was_published_before(client, network, 
 def test_a_topic_has_one_type(network):
     network.open_publisher(Topic("/x", String, DEFAULT))
     with pytest.raises(
-        WireError, match="topic /x is std_msgs/msg/String here already; it cannot be std_msgs/msg/Float64"
+        WireError,
+        match="topic /x already exists with type std_msgs/msg/String; it cannot also have type std_msgs/msg/Float64",
     ):
         network.open_subscription(Topic("/x", Float64, DEFAULT), print)
 

@@ -39,8 +39,8 @@ def test_a_killed_process_is_started_again_and_what_waited_is_made(server, told_
     job, second = told.done[-1]
     assert second != first
     assert (job.time_ns, job.tasks) == (2_000_000, {"live"})
-    assert told.lost == [({"die"}, "it was killed by SIGKILL")]
-    assert told_errors() == ["the worker process: it was killed by SIGKILL; it is started again in 0.5 s"]
+    assert told.lost == [({"die"}, "the process was killed by SIGKILL")]
+    assert told_errors() == ["the worker process failed: the process was killed by SIGKILL; it is restarted in 0.5 s"]
     assert (told.status.state, told.status.reason, told.status.restarts) == ("running", "", 1)
 
 
@@ -60,9 +60,9 @@ def test_a_work_that_fails_is_told_and_begins_anew(server, told_errors):
     told.wait(lambda: told.lost)
     assert told.lost == [({"bad", "other"}, "it failed: ValueError('a bad task')")]
     trace, note = told_errors()
-    assert trace.startswith("bad, other could not be made\n    Traceback")
+    assert trace.startswith("performing bad, other failed\n    Traceback")
     assert trace.endswith("ValueError: a bad task")
-    assert note == "the worker process: it failed: ValueError('a bad task'); it is started again in 0.5 s"
+    assert note == "the worker process failed: a job failed: ValueError('a bad task'); it is restarted in 0.5 s"
     told.wait_for_ready(2)
     assert told.perform("good")[1] != pid
 
@@ -83,7 +83,7 @@ def test_a_report_that_cannot_be_read_is_a_failure_too(server):
     told.wait(lambda: told.lost)
     ((tasks, reason),) = told.lost
     assert tasks == {"bad"}
-    assert reason.startswith("what came from the process cannot be unpickled: TypeError")
+    assert reason.startswith("a message of the process cannot be unpickled: TypeError")
     told.wait_for_ready(2)
     assert told.perform("good")[1] != pid
 
@@ -93,7 +93,7 @@ def test_a_process_that_is_killed_while_it_opens_is_started_again_in_the_same_en
     told = server.order(work, environments=({"WORKS_IN": "here"}, {"WORKS_IN": "vain"}))
     told.submit(["a"])
     told.wait(lambda: told.lost)
-    assert told.lost == [({"a"}, "it was killed by SIGKILL")]
+    assert told.lost == [({"a"}, "the process was killed by SIGKILL")]
     told.wait_for_ready()
     assert (told.ready, told.status.restarts) == (["here"], 1)
 
@@ -158,7 +158,7 @@ def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_erro
     assert told.lost == [({"a"}, why)]
     assert (told.status.state, told.status.reason) == ("unavailable", why)
     assert told_errors(logging.WARNING) == [
-        f"this cannot be done on this machine: {why}; the server runs on without it"
+        f"the work is unavailable on this machine: {why}; the server continues without it"
     ]
     told.submit(["b"])
     told.wait(lambda: len(told.lost) == 2)
@@ -178,7 +178,7 @@ def test_a_lockstep_with_an_unavailable_work_goes_on(server):
     for _ in range(3):
         told.submit_in_lockstep("a")
     told.wait(lambda: len(told.lost) == 3)
-    reason = "it could not be opened: RuntimeError('no such thing')"
+    reason = "opening the work failed: RuntimeError('no such thing')"
     assert told.lost == [({"a"}, reason)] * 3
 
 
@@ -188,7 +188,7 @@ def test_a_lockstep_survives_a_process_that_dies(server):
         server.step()
         told.submit_in_lockstep(task)
     assert [job.time_ns for job, _ in told.done] == [2_000_000, 6_000_000]
-    assert told.lost == [({"die"}, "it was killed by SIGKILL")]
+    assert told.lost == [({"die"}, "the process was killed by SIGKILL")]
 
 
 def test_submitting_in_lockstep_does_not_wait(server, tmp_path):
@@ -231,10 +231,10 @@ def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monk
     told.wait(lambda: told.lost)
     told.submit(["b"])
     told.wait(lambda: len(told.lost) == 2)
-    assert told.lost[0] == ({"a"}, "it ended with code 7")
+    assert told.lost[0] == ({"a"}, "the process exited with code 7")
     tasks, reason = told.lost[1]
     assert (tasks, told.status.state) == ({"b"}, "restarting")
-    assert reason.startswith("it could not be opened: FileExistsError")
+    assert reason.startswith("opening the work failed: FileExistsError")
     os.unlink(tmp_path / "opened")
     told.wait_for_ready(2)
     assert told.status.restarts >= 2

@@ -39,8 +39,8 @@ def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync)
     os.kill(stopped, signal.SIGSTOP)
     told.submit(["a"])
     told.wait(lambda: told.lost)
-    assert told.lost == [({"a"}, "nothing came from the process for 2 s")]
-    assert noted() == ["the worker process: nothing came from the process for 2 s; it is started again in 0.5 s"]
+    assert told.lost == [({"a"}, "the process sent no message for 2 s")]
+    assert noted() == ["the worker process failed: the process sent no message for 2 s; it is restarted in 0.5 s"]
     told.wait(lambda: not told.held)
     told.wait_for_ready(2)
     assert told.perform("live")[1] != stopped
@@ -130,7 +130,7 @@ def looks(watch, seconds, subject, opening=False, each=lambda: None):
 
 
 def test_a_process_that_sends_nothing_hangs(used):
-    assert looks(HangDetector(1, 60.0), 100, None) == (10, "nothing came from the process for 10 s")
+    assert looks(HangDetector(1, 60.0), 100, None) == (10, "the process sent no message for 10 s")
 
 
 def test_a_process_that_sends_signs_of_life_does_not(used):

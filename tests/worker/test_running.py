@@ -206,7 +206,7 @@ def test_what_lies_in_the_current_folder_is_not_taken_for_python_s_own(server, t
 def test_a_work_that_cannot_be_sent_is_refused(server):
     work = works.Waits("x")
     work.lock = lambda: None
-    with pytest.raises(PluginError, match="the work Waits of teller cannot be sent to a process: Can't"):
+    with pytest.raises(PluginError, match="teller: the work Waits cannot be pickled: Can't"):
         server.order(work)
 
 

@@ -1,10 +1,10 @@
-"""The server's table of contents: a queryable on `<namespace>/<node_name>/interfaces` that answers with JSON.
+"""The list of a server's interfaces: a queryable on `<namespace>/<node_name>/interfaces` that replies with JSON.
 
-`interfaces` alone lists names, types, hashes and keys; `interfaces?schema=true` adds the definition text and the JSON
-Schema of each type. Answered on Zenoh's thread.
+`interfaces` lists names, types, hashes and keys; `interfaces?schema=true` adds the definition text and the JSON Schema
+of each type. Zenoh's thread builds the reply.
 
-A subscriber to the same key gets an empty message after each change. It has to ask for the list itself, since a change
-may happen on the physics thread, which has no time to write lists.
+A subscriber to the same key gets an empty message after each change and then queries the list. The message does not
+contain the list, because a change may happen on the physics thread, where building the list would take too long.
 """
 
 import json
@@ -32,14 +32,20 @@ Direction = Literal["published", "subscribed"]
 
 @dataclass(frozen=True, slots=True)
 class TopicEntry:
-    """A topic of the server, what the server does with it, and its keys by their names in the listing."""
+    """A topic of the server.
+
+    Attributes:
+        topic: The topic.
+        direction: Whether the server publishes it or subscribes to it.
+        keys: Its keys, by their field names in the list.
+    """
 
     topic: Topic[Any]
     direction: Direction
     keys: Mapping[str, str]
 
     def describe(self) -> dict[str, Any]:
-        """Returns what the listing says."""
+        """Returns the entry of the list."""
         qos: QoS = self.topic.qos
         return {
             "name": self.topic.name,
@@ -53,13 +59,18 @@ class TopicEntry:
 
 @dataclass(frozen=True, slots=True)
 class ServiceEntry:
-    """A service of the server, and its keys by their names in the listing."""
+    """A service of the server.
+
+    Attributes:
+        service: The service.
+        keys: Its keys, by their field names in the list.
+    """
 
     service: ServiceName
     keys: Mapping[str, str]
 
     def describe(self) -> dict[str, Any]:
-        """Returns what the listing says."""
+        """Returns the entry of the list."""
         return {
             "name": self.service.name,
             **self.keys,
@@ -70,14 +81,14 @@ class ServiceEntry:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """Everything that the server offers at one moment.
+    """All topics and services that the server has declared.
 
-    Immutable, since Zenoh's threads read it while the server declares more.
+    Immutable, because Zenoh's threads read it while the server declares more.
 
     Attributes:
         name: The server's full name.
         version: mjplug's version.
-        endpoint: Where clients connect.
+        endpoint: The endpoint to which clients connect.
         topics: Its topics.
         services: Its services.
     """
@@ -89,8 +100,8 @@ class Listing:
     services: tuple[ServiceEntry, ...] = field(default=())
 
     def to_json(self, schema: bool = False) -> bytes:
-        """Returns the listing as JSON text."""
-        told: dict[str, Any] = {
+        """Returns the list as JSON text; `schema` adds the definitions of all types."""
+        content: dict[str, Any] = {
             "name": self.name,
             "version": self.version,
             "endpoint": self.endpoint,
@@ -101,56 +112,56 @@ class Listing:
             types: list[Any] = [entry.topic.type for entry in self.topics] + [
                 entry.service.type for entry in self.services
             ]
-            told["types"] = {type.TYPE: _schema(type) for type in types}
-        return json.dumps(told).encode()
+            content["types"] = {type.TYPE: _schema(type) for type in types}
+        return json.dumps(content).encode()
 
 
 class InterfacesQueryable:
-    """Answers with the listing of the moment, and tells subscribers when there is another.
+    """Replies with the current list, and notifies subscribers of changes.
 
-    With the parameter `subscribed=<key>` it answers, in place of the listing, whether the publisher of that key knows
-    of a subscriber. The publisher knows of all whose declaration came before this query.
+    With the parameter `subscribed=<key>`, the reply instead states whether the publisher of that key has matched a
+    subscriber. All subscribers that were declared before this query are matched.
 
     Args:
         session: The session.
-        listing: The first listing.
-        refresh: Brings the publishers of a key up to date; returns whether one of them knows of a subscriber.
+        listing: The initial list.
+        refresh: Updates the matching status of the publishers of a key; returns whether one has a subscriber.
     """
 
     def __init__(self, session: zenoh.Session, listing: Listing, refresh: Callable[[str], bool]) -> None:
         self._refresh = refresh
         self._listing = listing
         self._key = interfaces_key(listing.name)
-        self._news = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
+        self._changes = session.declare_publisher(self._key, congestion_control=zenoh.CongestionControl.DROP)
         self._queryable = session.declare_queryable(self._key, callback(self._answer))
 
     @property
     def listing(self) -> Listing:
-        """The newest listing; assign to change it."""
+        """The current list; assign a new one to change it."""
         return self._listing
 
     @listing.setter
     def listing(self, listing: Listing) -> None:
         self._listing = listing
-        self._news.put(b"")
+        self._changes.put(b"")
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
             try:
-                asked = parameters(query)
-                if (key := asked.get("subscribed")) is not None:
+                selected = parameters(query)
+                if (key := selected.get("subscribed")) is not None:
                     payload = json.dumps({"key": key, "subscribed": self._refresh(key)}).encode()
                 else:
-                    payload = self.listing.to_json(asked.get("schema", "false") == "true")
+                    payload = self.listing.to_json(selected.get("schema", "false") == "true")
             except Exception as error:
-                _LOG.exception("the listing of interfaces could not be made")
-                query.reply_err(f"the listing could not be made: {error}".encode(), encoding=TEXT)
+                _LOG.exception("building the list of interfaces failed")
+                query.reply_err(f"building the list of interfaces failed: {error}".encode(), encoding=TEXT)
             else:
                 query.reply(self._key, payload, encoding=zenoh.Encoding.APPLICATION_JSON)
 
 
 def _hash(interface: Any) -> str:
-    # Any: mypy does not take a class for a hashable argument of a cached function.
+    # Any: mypy does not accept a class as a hashable argument of a cached function.
     return type_hash(interface)
 
 

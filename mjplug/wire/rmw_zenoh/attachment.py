@@ -1,6 +1,6 @@
-"""The 33 bytes that go with every message, request and response: who sent it, when, and which one it is.
+"""The 33-byte attachment of every message, request and response: sequence number, time and sender.
 
-Nodes drop a message without them, and one with other bytes may bring a node down.
+Nodes drop a message without an attachment. An attachment of another format may crash a node.
 """
 
 from dataclasses import dataclass, replace
@@ -15,12 +15,12 @@ SIZE = _LAYOUT.size
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """An attachment, taken apart.
+    """A decoded attachment.
 
     Attributes:
-        sequence_number: Counts the messages of a publisher, or the requests of a client, from 1.
-        source_timestamp: When it was sent [ns since 1970, wall clock].
-        gid: Who sent it; in a response, who asked.
+        sequence_number: Number of the message of its publisher, or of the request of its client, from 1.
+        source_timestamp: Time of sending [ns since 1970, wall clock].
+        gid: Id of the sender, 16 bytes; in a response, id of the client that sent the request.
     """
 
     sequence_number: int
@@ -29,32 +29,32 @@ class Attachment:
 
     @classmethod
     def from_bytes(cls, raw: bytes) -> "Attachment":
-        """Takes an attachment apart.
+        """Decodes an attachment.
 
         Raises:
-            ValueError: These bytes are none.
+            ValueError: The bytes are not a valid attachment.
         """
         if len(raw) != SIZE or raw[16] != _GID_SIZE:
             raise ValueError(
-                f"the attachment has {len(raw)} bytes ({raw[:20].hex(' ')} ...); rmw_zenoh's has {SIZE} since 0.1.2 "
-                f"(Humble), 0.2.4 (Jazzy) and 0.6.0, with the length {_GID_SIZE} before the last {_GID_SIZE}"
+                f"the attachment has {len(raw)} bytes ({raw[:20].hex(' ')} ...); an attachment of rmw_zenoh has {SIZE} "
+                f"since 0.1.2 (Humble), 0.2.4 (Jazzy) and 0.6.0; byte 16 is the length of the gid, {_GID_SIZE}"
             )
         sequence_number, source_timestamp, _, gid = _LAYOUT.unpack(raw)
         return cls(sequence_number, source_timestamp, gid)
 
     def to_bytes(self) -> bytes:
-        """Returns the bytes."""
+        """Returns the encoded attachment."""
         return _LAYOUT.pack(self.sequence_number, self.source_timestamp, _GID_SIZE, self.gid)
 
     def of_response(self) -> "Attachment":
-        """Returns what goes with the response to this request: the client finds its request again by it."""
+        """Returns the attachment of the response to this request, by which the client identifies its request."""
         return replace(self, source_timestamp=time_ns())
 
 
 class Attachments:
-    """The attachments of one publisher, in the order of what it sends.
+    """Generates the attachments of one publisher.
 
-    A subscription takes a gap in the numbers for lost messages, so only what is really sent may be counted.
+    A subscription interprets a gap in the sequence numbers as lost messages, so call `next` only for sent messages.
     """
 
     def __init__(self, gid: bytes) -> None:
@@ -62,6 +62,6 @@ class Attachments:
         self._count = 0
 
     def next(self) -> bytes:
-        """Returns the attachment of the next message, which is sent now."""
+        """Returns the attachment of the next message, which must be sent now."""
         self._count += 1
         return _LAYOUT.pack(self._count, time_ns(), _GID_SIZE, self._gid)

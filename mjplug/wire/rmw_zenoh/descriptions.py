@@ -1,4 +1,4 @@
-"""What the server's node answers when somebody asks what a type looks like (`~/get_type_description`)."""
+"""The service `~/get_type_description` of the server's node."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -24,19 +24,19 @@ class TypeDescriptions:
     """Describes the types of the node's topics and services.
 
     Args:
-        types: Them by their names; may grow.
+        types: The types by name; types may be added later.
     """
 
     def __init__(self, types: Mapping[str, Interface]) -> None:
         self._types = types
 
     def answer(self, request: GetTypeDescription.Request) -> GetTypeDescription.Response:
-        """Returns the description that belongs to a name and a hash."""
+        """Returns the description of the type with the requested name and hash."""
         interface: Any = self._types.get(request.type_name)
         if interface is None:
             return _refusal(f"this node has no topic or service of type {request.type_name!r}")
         if request.type_hash not in ("", known := type_hash(interface)):
-            return _refusal(f"{request.type_name} has the type hash {known} here, not {request.type_hash}")
+            return _refusal(f"the type hash of {request.type_name} is {known} at this node, not {request.type_hash}")
         described = type_description(interface)
         parts = [described["type_description"], *described["referenced_type_descriptions"]]
         own, *others = (_individual(part) for part in parts)

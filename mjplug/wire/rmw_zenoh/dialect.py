@@ -1,6 +1,6 @@
-"""Topics and services as ROS 2 nodes with rmw_zenoh see them: no bridge, no ROS on the server's side.
+"""Maps topics and services to Zenoh as rmw_zenoh does, so that ROS 2 nodes connect without a bridge.
 
-Everything is declared first and announced by its token afterwards, so that whoever sees the token finds it working.
+Everything is declared first and its liveliness token afterwards, so that an announced topic or service already works.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +18,7 @@ from mjplug.wire.refusal import refusal
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.key_writers import LatchedRmwWriter, LiveRmwWriter
-from mjplug.wire.rmw_zenoh.keys import RosSettings, foreign_definition
+from mjplug.wire.rmw_zenoh.keys import RosSettings, definition_mismatch
 from mjplug.wire.rmw_zenoh.mismatches import Mismatches
 from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
 from mjplug.wire.rmw_zenoh.raw_request import RmwRequest
@@ -30,7 +30,7 @@ class RmwZenohDialect:
     """Implements `mjplug.wire.dialect.Dialect` on one session, as one ROS 2 node.
 
     Attributes:
-        types: The types of all topics and services, by their names.
+        types: The types of all topics and services, by type name.
 
     Args:
         session: The session.
@@ -52,11 +52,11 @@ class RmwZenohDialect:
         self._tokens = [session.liveliness().declare_token(self._node.token)]
 
     def topic_keys(self, topic: Topic[Any]) -> Mapping[str, str]:
-        """Returns the data key."""
+        """Returns the data key by its field name in the list of interfaces."""
         return {"ros2_key": self._settings.data_key(topic.name, topic.type)}
 
     def service_keys(self, service: ServiceName) -> Mapping[str, str]:
-        """Returns the data key."""
+        """Returns the data key by its field name in the list of interfaces."""
         return {"ros2_key": self._settings.data_key(service.name, service.type)}
 
     def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
@@ -77,21 +77,21 @@ class RmwZenohDialect:
 
         def handle(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
-                # The encoding says nothing: nodes leave it out, and read whatever it says.
-                unfit = foreign_definition(str(sample.key_expr), topic.type)
-                receive(Received(sample.payload, None, "cdr", unfit))
+                # Nodes do not set the encoding and ignore it, so it is not used.
+                mismatch = definition_mismatch(str(sample.key_expr), topic.type)
+                receive(Received(sample.payload, None, "cdr", mismatch))
 
         key, handler = self._settings.any_hash_key(topic.name, topic.type), callback(handle)
         self._declared.append(declare_key_subscriber(self._session, key, handler, topic.qos))
-        # Without this token, publishers of Lyrical and later would not put large messages on this key.
+        # Without this token, publishers of Lyrical and later do not publish large messages on this key.
         self._announce(self._token("MS", topic.name, topic.type, topic.qos), "MS", topic.name, topic.type)
 
     def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
-        """Declares and announces the server of a service."""
+        """Declares and announces a service."""
         qos = PARAMETER_SERVICE if service.type.TYPE.startswith("rcl_interfaces/") else SERVICE
         any_key = self._settings.any_hash_key(service.name, service.type)
         own_key = self._settings.data_key(service.name, service.type)
-        unreadable = Rejections(f"service {service.name}: a query was no request of a ROS 2 node")
+        unreadable = Rejections(f"service {service.name}: a query was not a request of a ROS 2 node")
         self._unreadable[service.name] = unreadable
 
         def handle(query: zenoh.Query) -> None:
@@ -99,8 +99,8 @@ class RmwZenohDialect:
             if key == any_key:
                 key = own_key
             if "*" in key:
-                # Whoever asks like this, or without an attachment, is no ROS 2 node that could read a response.
-                complain(query, f"{own_key} is a service; query exactly this key to call it")
+                # A query with a wildcard or without an attachment is not from a ROS 2 node, so an error reply is right.
+                reply_error(query, f"{own_key} is a service; query exactly this key to call it")
                 return
             raw = bytes(query.attachment) if query.attachment is not None else b""
             try:
@@ -110,30 +110,31 @@ class RmwZenohDialect:
                 if raw:
                     refuse(query, key, raw, str(error))
                 else:
-                    complain(query, str(error))
+                    reply_error(query, str(error))
             else:
-                receive(RmwRequest(query, key, attachment, foreign_definition(key, service.type)))
+                receive(RmwRequest(query, key, attachment, definition_mismatch(key, service.type)))
 
         def refuse(query: zenoh.Query, key: str, attachment: bytes, sentence: str) -> None:
-            # A node with another rmw_zenoh would wait on after an error reply. It knows its own attachment again.
+            # A node with another version of rmw_zenoh would wait for ever after an error reply. Its own attachment
+            # identifies its request.
             response = refusal(service.type.Response, sentence) or service.type.Response()
             with query:
                 query.reply(key, response.to_cdr(), attachment=attachment)
 
-        def complain(query: zenoh.Query, sentence: str) -> None:
+        def reply_error(query: zenoh.Query, sentence: str) -> None:
             with query:
                 query.reply_err(sentence.encode(), encoding=TEXT)
 
-        # Complete, since clients ask only those servers that say so.
+        # Declared complete, because clients of rmw_zenoh query only complete queryables.
         self._declared.append(self._session.declare_queryable(any_key, callback(handle), complete=True))
         self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
 
     def refused(self) -> Mapping[str, int]:
-        """Returns how many queries were no requests of a ROS 2 node, by the name of the service."""
+        """Returns the number of queries that were not requests of a ROS 2 node, by the name of the service."""
         return {name: rejections.count for name, rejections in self._unreadable.items()}
 
     def close(self) -> None:
-        """Makes every writer unmatched, for good, and leaves the graph: the endpoints first, the node last."""
+        """Makes every writer unmatched permanently, and removes the endpoints, then the node, from the ROS graph."""
         for writer in self._writers:
             writer.close()
         while self._tokens:

@@ -1,6 +1,6 @@
-"""What a publisher writes to for ROS 2 nodes: the payload is that of the plain key, the attachment is their own.
+"""The Zenoh publishers of a key for ROS 2 nodes: the payload is that of the plain key, with an attachment.
 
-The encoding is not said, as nodes do not say it either: the key names the type.
+The encoding is not set, as in rmw_zenoh, because the key contains the type.
 """
 
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from mjplug.wire.encoding import Form
 from mjplug.wire.key_writers import WORKER_PRIORITY, LiveWriter
 from mjplug.wire.rmw_zenoh.attachment import Attachments
 
-_HEARTBEAT = 0.5
-"""How soon a subscription learns that it missed the last message of a reliable latched topic [s]."""
+_HEARTBEAT_PERIOD = 0.5
+"""Heartbeat period by which a subscription detects that it missed the last message of a reliable latched topic [s]."""
 
 
 class LiveRmwWriter(LiveWriter):
-    """A key for the nodes that listen now."""
+    """A publisher for current subscriptions of nodes."""
 
     def __init__(
         self,
@@ -40,13 +40,13 @@ class LiveRmwWriter(LiveWriter):
         self._put(payload, attachment=self._attachments.next())
 
     def remote_spec(self) -> RemoteWriterSpec:
-        """Returns what another process needs to write to the key; the gid stays that of the server's token."""
+        """Returns the data with which another process can write to the key, with the gid of the server's token."""
         return self._rmw_remote_spec
 
 
 @dataclass(frozen=True, slots=True)
 class LiveRmwWriterSpec:
-    """A `LiveRmwWriter` to be; see there."""
+    """The arguments of a `LiveRmwWriter`; picklable."""
 
     key: str
     gid: bytes
@@ -58,7 +58,7 @@ class LiveRmwWriterSpec:
 
 
 class LatchedRmwWriter:
-    """A key whose last messages a late node still gets, with the attachments that they had."""
+    """A publisher whose last messages late subscriptions get, with the original attachments."""
 
     def __init__(self, session: zenoh.Session, key: str, gid: bytes, qos: QoS) -> None:
         self.form: Form = "cdr"
@@ -73,7 +73,7 @@ class LatchedRmwWriter:
             reliability=zenoh.Reliability.RELIABLE,
             cache=CacheConfig(qos.depth),
             publisher_detection=True,
-            sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT)
+            sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=_HEARTBEAT_PERIOD)
             if reliable
             else None,
         )
@@ -82,30 +82,30 @@ class LatchedRmwWriter:
         """Sends an encoded message and keeps it."""
         self._publisher.put(payload, attachment=self._attachments.next())
 
-    def look(self) -> None:
-        """Does nothing: it is always matched."""
+    def refresh_matched(self) -> None:
+        """Does nothing; the writer is always matched."""
 
     def refresh(self, key: str) -> bool:
-        """Returns false: it is always matched, and late nodes miss nothing."""
+        """Returns False; the writer is always matched, and late subscriptions miss no message."""
         return False
 
     def remote_spec(self) -> RemoteWriterSpec:
-        """Returns what another process needs to write to the key; the gid stays that of the server's token."""
+        """Returns the data with which another process can write to the key, with the gid of the server's token."""
         return self._remote_spec
 
     def close(self) -> None:
-        """Makes it unmatched for good."""
+        """Makes the writer unmatched permanently."""
         self.matched = False
 
 
 @dataclass(frozen=True, slots=True)
 class LatchedRmwWriterSpec:
-    """A `LatchedRmwWriter` to be; see there."""
+    """The arguments of a `LatchedRmwWriter`; picklable."""
 
     key: str
     gid: bytes
     qos: QoS
 
     def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedRmwWriter:
-        """Declares the writer; it is matched from the beginning."""
+        """Declares the writer; it is matched from the start, so `on_matched` is not called."""
         return LatchedRmwWriter(session, self.key, self.gid, self.qos)

@@ -1,4 +1,4 @@
-"""The service that every ROS 2 node has beside its parameters: the description of its types."""
+"""Declares `get_type_description`, the service of every ROS 2 node in addition to the parameter services."""
 
 from typing import Any
 
@@ -12,21 +12,21 @@ from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
 
 def offer_node_services(dialect: RmwZenohDialect, name: str, settings: RosSettings, open_calls: OpenCalls) -> None:
-    """Declares the service, for ROS 2 nodes only; it answers on Zenoh's threads, without the simulation.
+    """Declares the service, for ROS 2 nodes only. It is served on Zenoh's threads, not on the physics thread.
 
     Args:
-        dialect: Where to declare it.
+        dialect: The rmw_zenoh dialect.
         name: The node's full name.
-        settings: The distribution.
-        open_calls: Where calls wait for their answers to be sent.
+        settings: The ROS 2 domain and distribution.
+        open_calls: The open calls of the session.
     """
     if settings.distro == "humble":
-        # Humble has no such service.
+        # Nodes of Humble do not have this service.
         return
     descriptions = TypeDescriptions(dialect.types)
 
     def answer(call: Call) -> None:
-        # The service has decoded it as what it is.
+        # Any, because the protocol `Call` does not state the type, which the decoder has checked.
         request: Any = call.request
         call.respond(descriptions.answer(request))
 

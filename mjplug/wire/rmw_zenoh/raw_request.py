@@ -1,4 +1,4 @@
-"""One request of a ROS 2 node."""
+"""A request of a ROS 2 node."""
 
 from collections.abc import Mapping
 
@@ -9,21 +9,21 @@ from mjplug.wire.rmw_zenoh.attachment import Attachment
 
 
 class RmwRequest:
-    """A query that a ROS 2 client made. Implements `mjplug.wire.dialect.RawRequest`.
+    """A query of a ROS 2 client. Implements `mjplug.wire.dialect.RawRequest`.
 
-    Nodes only log an error reply, and their call waits on; so a response is needed whatever happens.
+    A node only logs an error reply and keeps waiting, so a response is always needed.
 
     Args:
         query: The query.
         key: The key of the response.
         attachment: The attachment of the request.
-        unfit: Why the request cannot be decoded, if the key says so.
+        mismatch: Why the request cannot be decoded, if its key shows another definition; otherwise empty.
     """
 
     needs_response = True
 
-    def __init__(self, query: zenoh.Query, key: str, attachment: Attachment, unfit: str = "") -> None:
-        self.received = Received(query.payload, None, "cdr", unfit)
+    def __init__(self, query: zenoh.Query, key: str, attachment: Attachment, mismatch: str = "") -> None:
+        self.received = Received(query.payload, None, "cdr", mismatch)
         self.size = len(query.payload) if query.payload is not None else 0
         self.parameters: Mapping[str, str] = {}
         self._query = query
@@ -36,6 +36,6 @@ class RmwRequest:
             query.reply(self._key, payload, attachment=self._attachment.of_response().to_bytes())
 
     def reply_error(self, sentence: str) -> None:
-        """Sends one sentence, which the node logs."""
+        """Sends an error reply with one sentence, which the node logs."""
         with self._query as query:
             query.reply_err(sentence.encode(), encoding=TEXT)

@@ -1,8 +1,8 @@
-"""Liveliness tokens: all that ROS 2 nodes know of the graph.
+"""Liveliness tokens, from which ROS 2 nodes build the ROS graph.
 
-A node has one, and so has each of its publishers, subscriptions, services and clients. They are gone when they are
-undeclared, when the session closes and when its link is lost. Every node on the network reads every token, and logs an
-error for one that it cannot read.
+Each node has a token, and so has each of its publishers, subscriptions, services and clients. A token disappears when
+it is undeclared, when its session is closed and when its link is lost. Every node on the network reads every token, and
+logs an error for a token that it cannot read.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ EndpointKind = Literal["MP", "MS", "SS", "SC"]
 """Publisher, subscription, service server, service client."""
 
 OPPOSITE: dict[EndpointKind, EndpointKind] = {"MP": "MS", "MS": "MP", "SS": "SC", "SC": "SS"}
-"""Who talks with whom."""
+"""The kind of endpoint that each kind is matched with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +28,11 @@ class Node:
 
     Attributes:
         domain_id: Its ROS domain.
-        zid: The session's Zenoh id, in hexadecimal as Zenoh writes it.
-        id: Its number; nodes and endpoints of one session are counted together.
-        namespace: `/robot1`, or nothing for the root.
-        name: Its name, without the namespace.
-        enclave: Its place in a keystore of SROS 2.
+        zid: The session's Zenoh id, hexadecimal.
+        id: Number of the node; nodes and endpoints of one session are numbered together.
+        namespace: The namespace, such as `/robot1`; empty for the root.
+        name: The node's name without the namespace.
+        enclave: The node's enclave in SROS 2.
     """
 
     domain_id: int
@@ -51,12 +51,12 @@ class Node:
         """Returns the token of an endpoint of this node.
 
         Args:
-            id: Its number.
-            kind: What it is.
+            id: Number of the endpoint.
+            kind: Kind of the endpoint.
             name: Full ROS name of the topic or service.
-            type_name: Such as `std_msgs/msg/String`.
-            type_hash: As in the data key.
-            qos: What `qos_chunk` makes.
+            type_name: Type, such as `std_msgs/msg/String`.
+            type_hash: Type hash as in the data key.
+            qos: Result of `qos_chunk`.
         """
         of_topic = f"{_one_chunk(name)}/{names.dds_type(type_name)}/{type_hash}/{qos}"
         return f"{self._session}/{id}/{kind}/{self._names}/{of_topic}"
@@ -72,12 +72,12 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """What can be read from somebody's endpoint token.
+    """The data of an endpoint that its token contains.
 
     Attributes:
-        zid: The Zenoh id of the session it is on.
-        node: Full name of its node.
-        type_hash: The hash of its type.
+        zid: Zenoh id of the endpoint's session.
+        node: Full name of the endpoint's node.
+        type_hash: Hash of the endpoint's type.
     """
 
     zid: str
@@ -86,7 +86,7 @@ class Endpoint:
 
 
 def endpoints_of(domain_id: int, kind: EndpointKind, name: str, type_name: str) -> str:
-    """Returns a key expression for the tokens of all endpoints of one kind, name and type, whatever their hash."""
+    """Returns a key expression for the tokens of all endpoints of one kind, name and type, with any type hash."""
     return f"{ROOT}/{domain_id}/*/*/*/{kind}/*/*/*/{_one_chunk(name)}/{names.dds_type(type_name)}/**"
 
 
@@ -98,7 +98,7 @@ def read_endpoint(token: str) -> Endpoint:
 
 
 def gid(token: str) -> bytes:
-    """Returns the 16 bytes by which rmw_zenoh knows the owner of a token: XXH3-128 of it, low byte first."""
+    """Returns the gid of an endpoint in rmw_zenoh, 16 bytes: the XXH3-128 hash of its token, little-endian."""
     return xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 

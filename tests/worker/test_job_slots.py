@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mjplug.worker.handover import Handover
+from mjplug.worker.job_slots import JobSlots
 
 
 class Process:
@@ -25,7 +25,7 @@ class World:
     def __init__(self):
         self.slots = np.zeros((2, 1))
         self.state = 0.0
-        self.handover = Handover(self.slots, self._take)
+        self.handover = JobSlots(self.slots, self._take)
         self.process = Process(self.slots)
 
     def _take(self, out):
