@@ -79,7 +79,10 @@ def test_calls_that_wait_fail_when_the_server_dies(ros, serve, bridge):
     for answer in waiting:
         response = answer.get()
         assert response.success is False
-        assert response.message in ("/mjplug stopped or cannot be reached", "the server did not answer on external_wrench/apply_wrench")
+        assert response.message in (
+            "/mjplug stopped or cannot be reached",
+            "the server did not answer on external_wrench/apply_wrench",
+        )
     own.wait_for("/mjplug stopped or cannot be reached; waiting for it")
     ready = ros.is_ready("/own/external_wrench/apply_wrench", APPLY_WRENCH)
     ros.until(lambda: not ready())

@@ -118,7 +118,8 @@ ros_params: [no.yaml]
          "use letters of the English alphabet, digits, '_' and '/'"),
         ("remap: {scan: /a}", "c.yaml:2:9: error: remap.scan: 'scan' is not a valid ROS name: "
          "a full name must start with '/'"),
-        ("remap: {/a: b}", "c.yaml:2:13: error: remap./a: 'b' is not a valid ROS name: a full name must start with '/'"),
+        ("remap: {/a: b}", "c.yaml:2:13: error: remap./a: 'b' is not a valid ROS name: "
+         "a full name must start with '/'"),
         ("plugins: {a: heartbeat}", "c.yaml:2:14: error: plugins.a: Input should be a mapping, not 'heartbeat'"),
         ("on_plugin_error: [stop]", "c.yaml:2:18: error: on_plugin_error: Input should be 'stop' or 'disable', "
          "not a list"),

@@ -71,7 +71,8 @@ def test_bad_bytes_are_explained(message_type, hexadecimal, sentence):
         (Float32.model_construct(data=1e39), "std_msgs/msg/Float32: data: 1e+39 is not of type float32"),
         (Header.model_construct(stamp=Time.model_construct(sec=0, nanosec=-1), frame_id=""),
          "std_msgs/msg/Header: stamp.nanosec: -1 is not of type uint32"),
-        (String.model_construct(data="a\0b"), "std_msgs/msg/String: data: 'a\\x00b' contains NUL, which terminates a string"),
+        (String.model_construct(data="a\0b"),
+         "std_msgs/msg/String: data: 'a\\x00b' contains NUL, which terminates a string"),
         (String.model_construct(data="\ud800"),
          "std_msgs/msg/String: data: '\\ud800' contains lone surrogates, which cannot be encoded"),
         (JointState.model_construct(header=Header(), name=("a", "b\0")),
@@ -85,7 +86,8 @@ def test_bad_bytes_are_explained(message_type, hexadecimal, sentence):
         (Bounded.model_construct(name="", few=(), names=(), points=(), data=b"", times=()),
          "probe/msg/Bounded: times: expected 2 elements, got 0"),
         (String.model_construct(data=5),
-         "std_msgs/msg/String: a value that was not validated does not fit its type: 'int' object has no attribute 'encode'"),
+         "std_msgs/msg/String: a value that was not validated does not fit its type: "
+         "'int' object has no attribute 'encode'"),
     ],
 )  # fmt: skip
 def test_values_that_escaped_validation_are_not_written(bad, sentence):

@@ -56,9 +56,7 @@ def test_a_name_has_at_most_247_characters():
     with pytest.raises(NameRuleError) as caught:
         validate_name("/" + "a" * 247)
     shown = "/" + "a" * 76 + "…"
-    assert str(caught.value) == (
-        f"'{shown}' is not a valid ROS name: it has 248 characters; at most 247 are allowed"
-    )
+    assert str(caught.value) == (f"'{shown}' is not a valid ROS name: it has 248 characters; at most 247 are allowed")
 
 
 @given(name=st.text("/ab9_-~\n", max_size=8))
