@@ -27,7 +27,7 @@ def state(
     client: "Client",
     output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="How to show it.")] = "text",
 ) -> None:
-    """Shows model, state, simulated time, speed and resets."""
+    """Shows model, state, simulated time, speed, contacts and resets."""
     from mjplug.client.parameters import read
 
     server = client.server
@@ -43,6 +43,7 @@ def state(
         "time": seconds,
         "speed": parameters.get("sim.speed"),
         "measured_speed": None if paused else round(measured, 3),
+        "contacts": int(_diagnostics(client, server)[1]["contacts"]),
         "resets": client.subscribe(f"{server.name}/epoch").next(_ANSWER_TIMEOUT).data,
     }
     if output == "json":
@@ -56,6 +57,7 @@ def state(
             ("state:", told["state"]),
             ("time:", f"{seconds:.3f} s"),
             ("speed:", f"{_number(told['speed'])}{factor}"),
+            ("contacts:", told["contacts"]),
             ("resets:", told["resets"]),
         ]
     )
@@ -157,11 +159,18 @@ def _own_clock(client: "Client", server: "ServerInfo") -> str | None:
 
 def _last_second(client: "Client", server: "ServerInfo") -> tuple[float, float]:
     """Returns what a server says itself of its time [s] and its speed, about the last second."""
+    seconds, values = _diagnostics(client, server)
+    return seconds, float(values["real-time factor"])
+
+
+def _diagnostics(client: "Client", server: "ServerInfo") -> tuple[float, dict[str, str]]:
+    """Returns the simulated time [s] of a server's diagnostics, and the values of the simulation by name."""
     from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 
     said = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_ANSWER_TIMEOUT).message)
-    values = {value.key: value.value for status in said.status for value in status.values}
-    return _seconds(said.header.stamp), float(values["real-time factor"])
+    simulation = (status for status in said.status if status.name.endswith(": simulation"))
+    values = {value.key: value.value for status in simulation for value in status.values}
+    return _seconds(said.header.stamp), values
 
 
 def _seconds(stamp: Any) -> float:

@@ -65,6 +65,7 @@ def _overview(simulation: Mapping[str, str], wire: Mapping[str, str]) -> list[Li
             f"divergences {figure('divergences')}",
             f"waiting requests {figure('waiting requests')}",
             f"open {_short(wire.get('open requests', '?'))}, refused {_short(wire.get('refused', '?'))}",
+            f"contacts {figure('contacts')}",
         ),
     )
     return [Line("  ".join(f"{cell:<22}" for cell in row).rstrip()) for row in rows]

@@ -48,6 +48,9 @@ class Draft(Origins):
         except ValidationError as error:
             self.problems += self.explain(error, (), Settings)
         self.problems += self.missing_file(("zenoh", "config"))
+        libraries = self._tree.get(("sim", "plugin_libraries"))
+        for i in range(len(libraries) if isinstance(libraries, list) else 0):
+            self.problems += self.missing_file(("sim", "plugin_libraries", i))
         if self._tree.get(("sim", "start_position_file")):
             self.problems += self.missing_file(("sim", "start_position_file"))
 

@@ -74,6 +74,7 @@ def own_form(document: Document, nodes: Sequence[str]) -> Document:
     ours = [section for section in sections if any(matches(section.pattern, node) for node in nodes)]
     for section in ours:
         _take(document, section, result)
+    result.problems += [_unused_gains(document, section) for section in sections if "pid_gains" in section.parameters]
     if not any(section.has_plugins for section in ours) and not result.value:
         result.problems.append(_nothing_found(document, sections, nodes[0]))
     return result
@@ -179,6 +180,12 @@ def _use_sim_time(value: object, place: Place) -> list[Problem]:
         message = "use_sim_time: false has no effect; the simulation is where the time comes from"
         return [Problem(message, place.value, severity="warning")]
     return []
+
+
+def _unused_gains(document: Document, section: _Section) -> Problem:
+    message = "pid_gains of the hardware component are not used; PID gains are parameters of the plugin joint_commands"
+    hint = "add `plugins: {joints: {type: joint_commands, pid_gains: ...}}` with the same gains"
+    return Problem(message, document.places[(*section.path, "pid_gains")].key, hint, severity="warning")
 
 
 def _nothing_found(document: Document, sections: list[_Section], node: str) -> Problem:

@@ -80,6 +80,9 @@ class Sim(Section):
         description="Whether position actuators start with the initial pose as their target where neither a keyframe "
         "nor a file says their controls; false leaves MuJoCo's zeros.",
     )
+    plugin_libraries: Annotated[tuple[str, ...], Field(strict=False)] = Field(
+        (), description="Libraries with plugins of the MuJoCo engine, loaded before the model; they run native code."
+    )
     seed: int = Field(0, ge=0, description="Seed of all random numbers.")
     clock_rate: float = Field(
         100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time]."

@@ -1,5 +1,6 @@
 """Loads models: MJCF, URDF, compiled (.mjb) and packed (.mjz). Compiling a model releases the GIL."""
 
+import logging
 import os
 import struct
 import tempfile
@@ -18,6 +19,8 @@ from mjplug.model.text import check_names, message_of
 _MJB_HEADER = struct.Struct("=4i")
 _MJB_ID = 54321
 _UNNAMED = "MuJoCo Model"
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +120,15 @@ def _compile_as_it_is(path: Path, environ: Mapping[str, str]) -> mujoco.MjModel:
     if suffix == ".urdf":
         found = urdf.prepared(path, environ)
         if found is not None:
-            return mujoco.MjModel.from_xml_string(found.xml, found.assets)
+            model = mujoco.MjModel.from_xml_string(found.xml, found.assets)
+            if found.controlled_joints and not model.nu:
+                _log.warning(
+                    "%s: MuJoCo does not read <ros2_control>, so the model has no actuators and these joints cannot be "
+                    "commanded: %s; add <actuator> elements to an MJCF of this model",
+                    path.name,
+                    ", ".join(found.controlled_joints),
+                )
+            return model
     return mujoco.MjModel.from_xml_path(str(path))
 
 

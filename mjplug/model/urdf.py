@@ -19,10 +19,12 @@ class Urdf:
     Attributes:
         xml: The text of the URDF, with mesh names instead of URIs and paths.
         assets: The meshes by name.
+        controlled_joints: Joints of its `<ros2_control>` elements, which MuJoCo does not read.
     """
 
     xml: str
     assets: dict[str, bytes]
+    controlled_joints: tuple[str, ...] = ()
 
 
 def prepared(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None:
@@ -67,7 +69,9 @@ def prepared(path: Path, environ: Mapping[str, str] = os.environ) -> Urdf | None
     for option in ("meshdir", "assetdir", "strippath"):
         options.pop(option, None)
     return Urdf(
-        ElementTree.tostring(root, encoding="unicode"), {name: file.read_bytes() for file, name in names.items()}
+        ElementTree.tostring(root, encoding="unicode"),
+        {name: file.read_bytes() for file, name in names.items()},
+        tuple(dict.fromkeys(joint.get("name", "") for joint in root.iterfind("ros2_control/joint[command_interface]"))),
     )
 
 

@@ -5,11 +5,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
 from mjplug.config.draft import Draft, Loaded
 from mjplug.config.problem import ConfigError
-from mjplug.errors import UnknownName
+from mjplug.errors import ModelError, UnknownName
+from mjplug.model import engine_plugins
 from mjplug.model.file import LoadedModel, load_model
 from mjplug.physics import process
 from mjplug.physics.simulation import Simulation
@@ -78,6 +80,7 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
             # A problem has several lines, and has escaped what it quotes.
             _log.warning("%s", warning, extra={"printable": True})
         changes.enter_context(process.mujoco_configured())
+        _load_engine_plugins(loaded)
         with _progress(f"compiling {settings.model}"):
             model = load_model(settings.model, *loaded.folders(("model",)))
         try:
@@ -88,6 +91,17 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
         if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
             _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
         return Prepared(loaded, plugins, model, simulation, changes.pop_all())
+
+
+def _load_engine_plugins(loaded: Loaded) -> None:
+    for i in range(len(loaded.settings.sim.plugin_libraries)):
+        path = ("sim", "plugin_libraries", i)
+        file = loaded.path(path)
+        try:
+            # It was there when the configuration was checked.
+            engine_plugins.load(file or Path(loaded.settings.sim.plugin_libraries[i]))
+        except ModelError as error:
+            raise ConfigError([loaded.problem(path, str(error))]) from error
 
 
 def check(prepared: Prepared) -> None:

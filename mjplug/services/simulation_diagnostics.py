@@ -73,6 +73,7 @@ class SimulationDiagnostics:
             "step lateness p99 (us)": 1e6 * late,
             "times fallen behind": loop.pacer.drops,
             "wall time lost (s)": loop.pacer.dropped,
+            "contacts": int(loop.simulation.data.ncon),
             "resets": loop.simulation.epoch,
             "divergences": loop.recovery.count,
             "last divergence": loop.recovery.last,

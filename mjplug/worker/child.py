@@ -103,6 +103,11 @@ def _run(pipes: _Pipes, environment: ChildEnvironment, logger: logging.Logger) -
         how = f" with MUJOCO_GL={backend}" if backend else ""
         pipes.send(Failed(f"MuJoCo cannot be imported{how}: {type(error).__name__}: {error}", permanent=True))
         return 1
+    try:
+        _load_engine_plugins(environment.plugin_libraries)
+    except Exception as error:
+        pipes.send(Failed(str(error), permanent=True))
+        return 1
     # Before threads are started, because they inherit it; after the imports, which would be slow on a busy machine.
     background.set_priority(environment.priority)
     runner = _open(pipes, environment, logger)
@@ -112,6 +117,16 @@ def _run(pipes: _Pipes, environment: ChildEnvironment, logger: logging.Logger) -
         return _perform_jobs(pipes, runner, logger)
     finally:
         runner.close()
+
+
+def _load_engine_plugins(paths: tuple[str, ...]) -> None:
+    if paths:
+        from pathlib import Path  # noqa: PLC0415
+
+        from mjplug.model import engine_plugins  # noqa: PLC0415 - imports MuJoCo
+
+        for path in paths:
+            engine_plugins.load(Path(path))
 
 
 def _open(pipes: _Pipes, environment: ChildEnvironment, logger: logging.Logger) -> "ChildRunner | None":

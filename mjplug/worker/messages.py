@@ -27,6 +27,7 @@ class ChildEnvironment(NamedTuple):
         log_level: The lowest level that the server logs.
         states: Handle of the shared states; see `mjplug.worker.states`.
         priority: CPU priority of the process: `idle`, `low` or `normal`.
+        plugin_libraries: Libraries with plugins of the MuJoCo engine that the model needs.
     """
 
     name: str
@@ -35,6 +36,7 @@ class ChildEnvironment(NamedTuple):
     log_level: int
     states: int | str
     priority: str
+    plugin_libraries: tuple[str, ...] = ()
 
 
 class Heartbeat(NamedTuple):

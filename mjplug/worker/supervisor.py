@@ -13,6 +13,7 @@ from typing import Any
 from mjplug.contracts.work import Job, WorkerSpec, WorkerStatus
 from mjplug.log import INSTANCES
 from mjplug.log_scope import bound, logger_of_server
+from mjplug.model import engine_plugins
 from mjplug.physics import snapshot
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
@@ -250,7 +251,13 @@ class WorkerSupervisor:
         # In lockstep, physics waits for the process, so a low priority has no advantage.
         priority = "normal" if self._spec.sync else self._spec.priority
         environment = ChildEnvironment(
-            self._spec.name, os.getpid(), tuple(sys.path), level, self._states.handle, priority
+            self._spec.name,
+            os.getpid(),
+            tuple(sys.path),
+            level,
+            self._states.handle,
+            priority,
+            engine_plugins.loaded(),
         )
         process.begin(environment, self._model, self._setup)
         while (message := process.receive()) is not None:

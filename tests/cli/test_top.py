@@ -30,7 +30,7 @@ def shown(*statuses):
 SIMULATION = {
     "simulated time (s)": "12.345678", "real-time factor": "0.998123", "wanted speed": "1.0", "step rate (Hz)": "999.8",
     "load (%)": "12.3456", "step time p50 (us)": "60.123", "step time p99 (us)": "1234.5", "resets": "3",
-    "waiting requests": "2", "wall time lost (s)": "0.0001",
+    "waiting requests": "2", "contacts": "7", "wall time lost (s)": "0.0001",
 }  # fmt: skip
 
 
@@ -49,7 +49,7 @@ def test_a_table_has_the_simulation_the_plugins_and_the_topics():
         "/robot1/sim: running at 0.998 x real time",
         "time 12.345 s           speed 0.998 (set to 1)  1000 steps/s            load 12.3 %",
         "step p50 60.1 us        p99 1234 us             late p99 ? us           fell behind ? times, <0.01 s lost",
-        "resets 3                divergences ?           waiting requests 2      open 1, refused 0",
+        "resets 3                divergences ?           waiting requests 2      open 1, refused 0       contacts 7",
         "",
         "PLUGIN         % TIME  CALLS/S  UPDATE us  STATE",
         "camera          <0.01        5          -  WARN restarting: it died, states dropped 4, restarts 1",

@@ -292,3 +292,25 @@ def test_what_is_no_section_is_an_error(params):
         "    8 | b: {ros__parameters: 3}\n"
         "      |                      ^"
     )
+
+
+GAINS = """\
+/**:
+  ros__parameters:
+    pid_gains:
+      position:
+        joint1: {p: 15000.0, i: 0.0, d: 1000.0}
+"""
+
+
+def test_gains_of_the_hardware_component_are_told_where_they_belong(tmp_path):
+    (tmp_path / "mujoco_pid.yaml").write_text(GAINS)
+    loaded = load(tmp_path / "mujoco_pid.yaml", model="a.xml", environ={})
+    told = [str(warning) for warning in loaded.warnings]
+    assert any(
+        "mujoco_pid.yaml:3:5: warning: pid_gains of the hardware component are not used; PID gains are parameters of "
+        "the plugin joint_commands"
+        in line
+        and "plugins: {joints: {type: joint_commands, pid_gains: ...}}" in line
+        for line in told
+    ), told

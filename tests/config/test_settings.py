@@ -23,6 +23,7 @@ def test_defaults_are_those_of_the_documentation():
             "start_position_file": "",
             "initial_positions": {},
             "hold_initial_pose": True,
+            "plugin_libraries": (),
             "seed": 0,
             "clock_rate": 100.0,
             "on_divergence": "pause",

@@ -98,3 +98,23 @@ def test_a_mesh_that_is_nowhere_is_named_with_both_places(tmp_path):
     assert str(caught.value) == (
         f"{file}: there is no mesh '{tmp_path}/meshes/a/link.stl', nor '{tmp_path}/a/link.stl'"
     )
+
+
+CONTROL = (
+    '<ros2_control name="sim" type="system"><hardware/><joint name="arm_joint"><command_interface name="position"/>'
+    '<state_interface name="position"/></joint><joint name="tool0_joint"><state_interface name="position"/></joint>'
+    "</ros2_control>"
+)
+
+
+def test_control_that_mujoco_does_not_read_is_warned_about(tmp_path, caplog):
+    assert load(tmp_path, robot(CONTROL)).nu == 0
+    assert caplog.messages == [
+        "arm.urdf: MuJoCo does not read <ros2_control>, so the model has no actuators and these joints cannot be "
+        "commanded: arm_joint; add <actuator> elements to an MJCF of this model"
+    ]
+
+
+def test_a_urdf_without_control_is_not_warned_about(tmp_path, caplog):
+    load(tmp_path, robot())
+    assert caplog.messages == []

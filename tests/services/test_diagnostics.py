@@ -376,3 +376,18 @@ def test_a_model_without_anything_has_a_status_too(serve, clock):
     world = serve(mujoco.MjModel.from_xml_string("<mujoco/>"))
     world.loop.step(3)
     assert values(look(world, clock)["simulation"])["steps"] == "3"
+
+
+def test_contacts_are_counted(serve, clock):
+    """Three spheres, of which two lie on the ground and touch each other."""
+    spheres = "".join(
+        f"<body pos='{x} 0 {z}'><freejoint/><geom size='.1'/></body>"
+        for x, z in ((0.0, 0.09), (0.19, 0.09), (3.0, 2.0))
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><option gravity='0 0 0'/><worldbody><geom type='plane' size='5 5 .1'/>{spheres}</worldbody></mujoco>"
+    )
+    world = serve(model, paused=True)
+    world.loop.step(1)
+    look(world, clock)
+    assert values(look(world, clock)["simulation"])["contacts"] == "3"
