@@ -5,7 +5,6 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from fakes import FakeTransport
 from joint_robots import MIXED
 from pydantic import Field, model_validator
 
@@ -17,6 +16,7 @@ from mjplug.plugin.selection import Selected
 from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
 from mjplug.services.parameters import parameter_value
+from mjplug.testing import FakeTransport
 from mjplug_plugins.joints import JointCommands
 from mjplug_schemas.rcl_interfaces import (
     DescribeParameters,
