@@ -5,6 +5,7 @@ names with options before them, is left to typer; the shells are told the same e
 """
 
 import io
+import json
 import os
 import re
 import shlex
@@ -81,15 +82,16 @@ def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | 
     """
     try:
         from mjplug.cli.light_session import light_session
-        from mjplug.wire.discovery.questions import ask_all
+        from mjplug.wire.discovery.announced import lists
 
         chosen = endpoint or os.environ.get("MJPLUG_CONNECT")
+        offered = set()
         with light_session(chosen or None, timeout_ms=round(1e3 * _TIMEOUT)) as session:
-            servers, _ = ask_all(session, _TIMEOUT)
+            for _, text in lists(session, _TIMEOUT):
+                offered |= {str(entry["name"]) for entry in json.loads(text)[kind]}
     except Exception:
         # Nothing may come between a user and the prompt.
         return []
-    offered = {name for server in servers.values() for name in (server.topics if kind == "topics" else server.services)}
     return sorted(name for name in offered if name.startswith(begin) and _NAME.fullmatch(name))
 
 
@@ -102,7 +104,7 @@ def node_names(begin: str, endpoint: str | None = None) -> list[str]:
     """
     try:
         from mjplug.cli.light_session import light_session
-        from mjplug.wire.discovery.questions import server_names
+        from mjplug.wire.discovery.announced import server_names
 
         chosen = endpoint or os.environ.get("MJPLUG_CONNECT")
         with light_session(chosen or None, timeout_ms=round(1e3 * _TIMEOUT)) as session:

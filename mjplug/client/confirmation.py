@@ -5,8 +5,7 @@ from urllib.parse import quote
 
 import zenoh
 
-from mjplug.wire.discovery.format import interfaces_key
-from mjplug.wire.discovery.questions import AT_ONCE
+from mjplug.wire.discovery.announced import AT_ONCE, interfaces_key
 
 _TIMEOUT = 2.0
 """How long to wait for each server [s]; it takes a millisecond, and a slow network somewhat longer."""

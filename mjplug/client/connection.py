@@ -14,7 +14,7 @@ from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.failure import DEFAULT_ENDPOINT, VARIABLE, examine
 from mjplug.client.refusal import refuse_expired, why_refused
 from mjplug.client.timeouts import bounded
-from mjplug.wire.discovery.questions import NoAnswerError, server_names
+from mjplug.wire.discovery.announced import NoAnswerError, server_names
 from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 _HANDSHAKE, _LONGEST_HANDSHAKE = 1.0, 4.0

@@ -10,6 +10,7 @@ from mjplug.client.errors import ClientError, NoServerError, TimedOutError, Unkn
 from mjplug.client.timeouts import bounded
 from mjplug.client.types import find
 from mjplug.wire.discovery import questions
+from mjplug.wire.discovery.announced import NoAnswerError, server_names
 from mjplug.wire.discovery.format import (
     ServerInfo,
     ServiceInfo,
@@ -179,14 +180,14 @@ class Graph:
 
     def _names(self) -> tuple[str, ...]:
         try:
-            return questions.server_names(self.session)
-        except questions.NoAnswerError as error:
+            return server_names(self.session)
+        except NoAnswerError as error:
             raise self._no_answer(error) from None
 
     def _ask(self, name: str) -> ServerInfo:
         try:
             return parse(questions.ask(self.session, name))
-        except questions.NoAnswerError as error:
+        except NoAnswerError as error:
             raise NoServerError(str(error)) from None
         except UnreadableListError as error:
             raise ClientError(str(error)) from None
@@ -194,10 +195,10 @@ class Graph:
     def _everybody(self) -> tuple[dict[str, ServerInfo], dict[str, str]]:
         try:
             return questions.ask_all(self.session)
-        except questions.NoAnswerError as error:
+        except NoAnswerError as error:
             raise self._no_answer(error) from None
 
-    def _no_answer(self, error: questions.NoAnswerError) -> NoServerError:
+    def _no_answer(self, error: NoAnswerError) -> NoServerError:
         return NoServerError(f"{error} at {self.endpoint}: its server is stopped or overloaded")
 
     def _ask_all(self) -> tuple[dict[str, ServerInfo], tuple[str, ...]]:

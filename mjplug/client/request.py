@@ -9,8 +9,8 @@ from zenoh.handlers import Callback
 
 from mjplug.client.errors import RequestRefused, TimedOutError
 from mjplug.client.types import to_json
+from mjplug.wire.discovery.announced import AT_ONCE
 from mjplug.wire.discovery.format import ServiceInfo
-from mjplug.wire.discovery.questions import AT_ONCE
 from mjplug.wire.encoding import encoding_of
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, StepSimulation

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.security.roles import Role
-from mjplug.wire.discovery.format import TOKENS
+from mjplug.wire.discovery.announced import TOKENS
 from mjplug.wire.plain import key_of
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.rmw_zenoh.tokens import ROOT

@@ -8,7 +8,7 @@ import zenoh
 
 from mjplug.errors import WireError
 from mjplug.wire.callbacks import callback
-from mjplug.wire.discovery.format import TOKENS
+from mjplug.wire.discovery.announced import TOKENS
 from mjplug.wire.rejections import Rejections
 from mjplug_schemas import names
 

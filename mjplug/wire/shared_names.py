@@ -16,8 +16,8 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
+from mjplug.wire.discovery.announced import TOKENS, interfaces_key
 from mjplug.wire.discovery.answers import Listing
-from mjplug.wire.discovery.format import TOKENS, interfaces_key
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import validate_name
 

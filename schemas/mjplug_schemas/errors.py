@@ -1,6 +1,5 @@
 """Errors about messages, type names and ROS names."""
 
-import difflib
 from collections.abc import Iterable
 
 _LONGEST = 200
@@ -46,6 +45,8 @@ def _meant(name: str, known: list[str]) -> str:
     same = [type_name for type_name in known if type_name.rpartition("/")[2].casefold() == last]
     if not same and "/" not in name:
         by_last = {type_name.rpartition("/")[2]: type_name for type_name in reversed(known)}
+        import difflib  # noqa: PLC0415  (the TAB key of a shell waits for this module)
+
         close = difflib.get_close_matches(name, by_last, n=1) if len(name) <= _LONGEST else []
         same = [by_last[short] for short in close]
     if not same:
@@ -55,5 +56,7 @@ def _meant(name: str, known: list[str]) -> str:
 
 def did_you_mean(name: str, allowed: Iterable[str]) -> str:
     """Returns `, did you mean 'x'?` for a name close to an allowed one, otherwise an empty string."""
+    import difflib  # noqa: PLC0415
+
     close = difflib.get_close_matches(name, list(allowed), n=1) if len(name) <= _LONGEST else []
     return f", did you mean {close[0]!r}?" if close else ""

@@ -13,7 +13,7 @@ from cli.process import Served, environment
 from slow_listener import SlowListener
 
 from mjplug.client import ClientError, NoServerError, TimedOutError, UnknownNameError, connect
-from mjplug.wire.discovery import questions
+from mjplug.wire.discovery import announced
 from mjplug.wire.endpoints import on_free_port
 from mjplug_schemas.rosgraph_msgs import Clock
 
@@ -79,7 +79,7 @@ def test_a_server_that_needs_longer_for_each_handshake_is_reached(server):
 
 
 def test_a_server_that_stops_answering_is_not_a_network_without_topics(tmp_path, monkeypatch):
-    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 0.3)
+    monkeypatch.setattr(announced, "QUERY_TIMEOUT", 0.3)
     server = Served("bundled:box", "--paused", cwd=tmp_path)
     try:
         with connect(server.endpoint) as client:

@@ -11,7 +11,7 @@ from wire.conftest import client_config
 
 from mjplug.client import UnknownNameError, confirmation, connect
 from mjplug.contracts.transport import DEFAULT, LATCHED, ServiceName, Topic
-from mjplug.wire.discovery import questions
+from mjplug.wire.discovery import announced, questions
 from mjplug.wire.discovery.format import UnreadableListError, read
 from mjplug.wire.network import open_network
 from mjplug.wire.session import SessionSettings
@@ -89,7 +89,7 @@ def test_a_name_that_the_nearest_server_does_not_have_is_asked_of_all(client, ne
 
 
 def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 0.5)
+    monkeypatch.setattr(announced, "QUERY_TIMEOUT", 0.5)
     kept = []
     hung = stranger.declare_queryable("hung/mjplug/interfaces", kept.append)
     token = stranger.liveliness().declare_token("@mjplug/hung/mjplug/1")
@@ -112,7 +112,7 @@ def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client
 
 
 def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch, caplog):
-    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 1.0)
+    monkeypatch.setattr(announced, "QUERY_TIMEOUT", 1.0)
     told = {"name": "/slow/mjplug", "version": "1", "endpoint": "", "topics": [], "services": []}
     asked = []
 
@@ -138,7 +138,7 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
 
 @pytest.mark.timeout(40)
 def test_a_program_that_matches_every_key_and_never_answers_holds_nobody_up(client, networks, stranger, monkeypatch):
-    monkeypatch.setattr(questions, "QUERY_TIMEOUT", 80.0)
+    monkeypatch.setattr(announced, "QUERY_TIMEOUT", 80.0)
     monkeypatch.setattr(questions, "_RETRY", 80.0)
     monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)
     networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))

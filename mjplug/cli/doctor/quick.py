@@ -40,7 +40,7 @@ def check_quickly(endpoint: str | None, server: str, zenoh_config: str | None, t
     import zenoh
 
     from mjplug.cli.light_session import light_session
-    from mjplug.wire.discovery.questions import NoAnswerError, server_names
+    from mjplug.wire.discovery.announced import NoAnswerError, server_names
 
     try:
         with light_session(endpoint, zenoh_config) as session:

@@ -18,7 +18,7 @@ import zenoh
 
 from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.callbacks import callback
-from mjplug.wire.discovery.format import interfaces_key
+from mjplug.wire.discovery.announced import interfaces_key
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.plain import parameters
 from mjplug_schemas.definition import definition

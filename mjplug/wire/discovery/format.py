@@ -11,13 +11,7 @@ from typing import Any
 
 from mjplug.errors import MjplugError, quoted
 from mjplug_schemas.errors import NameRuleError
-from mjplug_schemas.names import key, validate_name
-
-TOKENS = "@mjplug"
-"""First chunk of liveliness tokens, `@mjplug/<namespace>/<node_name>/<Zenoh id>`: `@mjplug/**` lists all servers."""
-
-INTERFACES = "interfaces"
-"""Last chunk of the key on which a server answers with its list: `<namespace>/<node_name>/interfaces`."""
+from mjplug_schemas.names import validate_name
 
 LONGEST_KEY = 65535
 """The longest key that Zenoh can send [bytes]; a longer one makes it panic."""
@@ -27,15 +21,6 @@ _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
 
 class UnreadableListError(MjplugError):
     """An answer that is no list of interfaces."""
-
-
-def interfaces_key(name: str) -> str:
-    """Returns the key on which a server answers with its list of interfaces.
-
-    Args:
-        name: The server's full name.
-    """
-    return f"{key(name)}/{INTERFACES}"
 
 
 @dataclass(frozen=True, slots=True)
