@@ -1,1 +1,1 @@
-"""Configuration files: reading them, checking them, and naming what is wrong and where."""
+"""Configuration files: reading, validation, and error messages with the place of each error."""

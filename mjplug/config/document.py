@@ -1,7 +1,7 @@
-"""A YAML file as plain values, with the place of every one of them.
+"""Reads a YAML file to plain values and the place of each value.
 
-PyYAML's C parser builds the nodes; the values are made here, by ROS's scalar rules, since PyYAML's own rules read
-`1e3` as text and `1:30` as 90, and let the last of two equal keys win without a word.
+PyYAML's C parser builds the nodes. The values are built here by ROS's scalar rules, because PyYAML's own rules read
+`1e3` as text and `1:30` as 90, and accept duplicate keys without an error.
 """
 
 import re
@@ -16,13 +16,13 @@ from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.config.scalar import ros_scalar
 
 KeyPath = tuple[str | int, ...]
-"""Where a value is in the configuration: `("plugins", "hb", "update_rate")`."""
+"""The path of a value in the configuration: `("plugins", "hb", "update_rate")`."""
 
 MAX_BYTES = 4 << 20
-"""No configuration file is larger; model and data files given by mistake are."""
+"""Maximum size of a configuration file [bytes]; larger files are model or data files given by mistake."""
 
 MAX_VALUES = 100_000
-"""Values in one file, aliased ones counted each time they are used: what stops an alias bomb."""
+"""Maximum number of values in one file. A value counts once for each use of an alias, which stops alias bombs."""
 
 _NULL = frozenset({"", "~", "null", "Null", "NULL"})
 _STRING_TAG = "tag:yaml.org,2002:str"
@@ -30,12 +30,12 @@ _STRING_TAG = "tag:yaml.org,2002:str"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where one value stands.
+    """The place of one value.
 
     Attributes:
-        key: Its key; for a list's item, the item.
-        value: The value.
-        plain: The text of an unquoted scalar, otherwise None.
+        key: Position of its key; for an item of a list, position of the item.
+        value: Position of the value.
+        plain: Text of an unquoted scalar, otherwise None.
     """
 
     key: Mark
@@ -48,10 +48,10 @@ class Document:
     """One YAML document.
 
     Attributes:
-        source: Where it came from.
-        value: Its content as dict, list, str, int, float, bool and None.
+        source: The source of the document.
+        value: The content as dict, list, str, int, float, bool and None.
         places: The place of every value, by path; the root is `()`.
-        problems: What is wrong with the parts; they are left out of `value`.
+        problems: Problems of parts, which `value` does not contain.
     """
 
     source: Source
@@ -64,7 +64,7 @@ def read_document(path: Path) -> Document:
     """Reads a YAML file.
 
     Raises:
-        ConfigError: The file cannot be read, is no text, or is no YAML.
+        ConfigError: The file cannot be read, is not a text file, or is not YAML.
     """
     text = _read_text(path)
     return parse_document(text, Source(str(path), split_lines(text), path.absolute().parent))
@@ -74,7 +74,7 @@ def parse_document(text: str, source: Source) -> Document:
     """Reads YAML text.
 
     Raises:
-        ConfigError: A syntax error, absurd nesting, or an alias bomb.
+        ConfigError: The text has a syntax error, too many levels, or too many values.
     """
     document = Document(source)
     node = compose(text, source)
@@ -84,12 +84,12 @@ def parse_document(text: str, source: Source) -> Document:
 
 
 def split_lines(text: str) -> tuple[str, ...]:
-    """Splits text where YAML sees line breaks; `str.splitlines` sees more of them."""
+    """Splits text at YAML's line breaks; `str.splitlines` would split at other characters too."""
     return tuple(re.split("\r\n|[\n\r\x85\u2028\u2029]", text))
 
 
 def unquoted(text: str) -> object:
-    """Returns the value of an unquoted scalar: by ROS's rules, and None for the empty text, `~` and `null`."""
+    """Returns the value of an unquoted scalar by ROS's rules; None for empty text, `~` and `null`."""
     return None if text in _NULL else ros_scalar(text)
 
 
@@ -105,7 +105,7 @@ def _read_text(path: Path) -> str:
     except (OSError, ValueError) as error:
         raise _refusal(source, f"cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(data) > MAX_BYTES:
-        raise _refusal(source, f"is larger than {MAX_BYTES >> 20} MiB, so it is no configuration file")
+        raise _refusal(source, f"is larger than {MAX_BYTES >> 20} MiB, the maximum size of a configuration file")
     try:
         text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
     except UnicodeDecodeError as error:
@@ -113,7 +113,7 @@ def _read_text(path: Path) -> str:
     if "\0" in text:
         raise _refusal(source, "is a binary file, not YAML text")
     if text.lstrip().startswith("<"):
-        raise _refusal(source, "is XML, not YAML; give a model's file a name that ends with .xml or .urdf")
+        raise _refusal(source, "is XML, not YAML; the name of a model file must end with .xml or .urdf")
     return text
 
 
@@ -122,7 +122,7 @@ def _refusal(source: Source, message: str) -> ConfigError:
 
 
 class _Walk:
-    """Turns the nodes of one document into values, and notes where they stand."""
+    """Converts the nodes of one document to values and records their places."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -166,7 +166,7 @@ class _Walk:
                 yield key, value
 
     def _merged(self, node: MappingNode, depth: int) -> Iterator[tuple[ScalarNode, Node]]:
-        """Yields what `<<` brings in; of two mappings with the same key, the first one counts."""
+        """Yields the entries that `<<` merges; if two mappings have the same key, the first one counts."""
         self._enter(node, depth)
         for key, value in node.value:
             if not (isinstance(key, ScalarNode) and _is_merge(key)):
@@ -181,18 +181,16 @@ class _Walk:
     def _enter(self, node: Node, depth: int) -> None:
         self._visited += 1
         if depth > MAX_DEPTH:
-            raise ConfigError([Problem(f"nested deeper than {MAX_DEPTH} levels", self._mark(node))])
+            raise ConfigError([Problem(f"the file is nested deeper than {MAX_DEPTH} levels", self._mark(node))])
         if self._visited > MAX_VALUES:
-            message = f"more than {MAX_VALUES} values, counting aliases each time they are used"
+            message = f"the file has more than {MAX_VALUES} values; aliases count each time they are used"
             raise ConfigError([Problem(message, self._mark(node))])
 
     def _check_tag(self, node: Node) -> None:
         known = {MappingNode: "tag:yaml.org,2002:map", SequenceNode: "tag:yaml.org,2002:seq", ScalarNode: _STRING_TAG}
         if node.tag and node.tag != known[type(node)]:
             tag = node.tag.replace("tag:yaml.org,2002:", "!!")
-            self._problem(
-                f"the tag {tag!r} has no meaning here; only !!str has, for text that looks like a number", node
-            )
+            self._problem(f"the tag {tag!r} is not supported; only !!str is, for text that looks like a number", node)
 
     def _problem(self, message: str, node: Node) -> None:
         self._document.problems.append(Problem(message, self._mark(node)))
@@ -205,7 +203,7 @@ def _scalar(node: ScalarNode) -> object:
     text: str = node.value
     if _is_plain(node):
         return unquoted(text)
-    # To ROS a block scalar is as unquoted as a plain one.
+    # ROS treats a block scalar as unquoted.
     return ros_scalar(text) if node.style in ("|", ">") and node.tag != _STRING_TAG else text
 
 

@@ -1,4 +1,4 @@
-"""A configuration between reading and running: what it says, where, and what is wrong with it."""
+"""A configuration that was read: its values, their places, and its problems."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,11 +12,11 @@ from mjplug.config.tree import Tree
 
 
 class Loaded(Origins):
-    """A valid configuration, and where each part of it came from.
+    """A valid configuration with the places of its values.
 
     Attributes:
         settings: The values.
-        warnings: What the user should hear, though nothing is wrong with it.
+        warnings: Problems that do not prevent a start.
     """
 
     settings: Settings
@@ -29,13 +29,12 @@ class Loaded(Origins):
 
 
 class Draft(Origins):
-    """A configuration that was read, and may still be wrong.
+    """A configuration that was read, but may still be invalid.
 
-    Who knows the plugins checks their parameters on a draft, so that what is wrong with them comes out together with
-    the rest.
+    The parameters of plugins are validated with a draft, so that their problems are reported together with all others.
 
     Attributes:
-        problems: What is wrong so far, warnings included.
+        problems: The problems found so far, including warnings.
     """
 
     def __init__(self, tree: Tree, folder: Path, problems: Iterable[Problem]) -> None:
@@ -43,7 +42,7 @@ class Draft(Origins):
         self.problems = list(problems)
         self._settings: Settings | None = None
         try:
-            # That the model is missing has been said already, in better words.
+            # `read` has already reported a missing model.
             self._settings = Settings.model_validate({"model": "?", **tree.value})
         except ValidationError as error:
             self.problems += self.explain(error, (), Settings)
@@ -56,13 +55,13 @@ class Draft(Origins):
 
     @property
     def plugins(self) -> dict[str, PluginEntry]:
-        """The plugin entries that have a type, by instance name, even where other settings are wrong.
+        """The plugin entries that have a type, by instance name, even if other settings are invalid.
 
-        They have the type and the plugin's own parameters only.
+        The entries contain only the type and the plugin's own parameters.
         """
         found = self._tree.value.get("plugins")
         entries = found if isinstance(found, dict) else {}
-        # Without the server's own keys, which are checked with the other settings and may be wrong.
+        # Without the server's own keys, which are validated with the other settings and may be invalid.
         own = PluginEntry.model_fields.keys() - {"type"}
         return {
             name: PluginEntry.model_validate({key: value for key, value in entry.items() if key not in own})
@@ -71,13 +70,13 @@ class Draft(Origins):
         }
 
     def finish(self, more: Iterable[Problem] = ()) -> Loaded:
-        """Returns the configuration if nothing is wrong with it.
+        """Returns the configuration if it is valid.
 
         Args:
-            more: What plugins have found.
+            more: Problems of plugin parameters.
 
         Raises:
-            ConfigError: Something is wrong; all of it is in there.
+            ConfigError: The configuration is invalid; the error contains all problems.
         """
         problems = _in_order([*self.problems, *more])
         if self._settings is None or any(problem.severity == "error" for problem in problems):
@@ -86,7 +85,7 @@ class Draft(Origins):
 
 
 def _in_order(problems: list[Problem]) -> list[Problem]:
-    """Returns problems as a reader goes through the files, each of them once."""
+    """Returns problems without duplicates, in the order of files, lines and columns."""
     sources = list(dict.fromkeys(problem.mark.source.name for problem in problems))
     return sorted(
         dict.fromkeys(problems),

@@ -1,4 +1,4 @@
-"""pydantic's validation errors as sentences, each at the place in the file or option where its value stands."""
+"""Converts pydantic's validation errors to problems with a sentence and the place of the invalid value."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from mjplug.config.tree import Tree
 from mjplug.errors import did_you_mean
 
 _KEY = "[key]"
-_LONGEST = 60
+_MAX_SHOWN_LENGTH = 60
 
 _WORDS = {
     "model_type": "Input should be a mapping",
@@ -30,17 +30,17 @@ _WORDS = {
     "int_type": "Input should be a whole number",
     "float_type": "Input should be a number",
 }
-"""What pydantic says in Python's words, in YAML's."""
+"""Messages in YAML's terms, by the type of pydantic's error."""
 
 
 def explain(error: ValidationError, tree: Tree, prefix: KeyPath, model: type[BaseModel] | None) -> list[Problem]:
-    """Returns one problem for each value that is wrong.
+    """Returns one problem for each invalid value.
 
     Args:
-        error: What pydantic found.
-        tree: The values, and where they stand.
-        prefix: The path of the mapping that was validated.
-        model: The model it was validated with; with it, unknown keys get the known ones listed.
+        error: The validation error.
+        tree: The values with their places.
+        prefix: The path of the validated mapping.
+        model: The model of the validation; if given, the message about an unknown key lists the known keys.
     """
     groups: dict[tuple[KeyPath, bool], list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
@@ -50,13 +50,13 @@ def explain(error: ValidationError, tree: Tree, prefix: KeyPath, model: type[Bas
 
 
 def dotted(path: KeyPath) -> str:
-    """Returns a path as people write it: `plugins.cam.topics[0]`."""
+    """Returns a path in dotted form: `plugins.cam.topics[0]`."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{_short(part)}" for part in path)
     return text.removeprefix(".")
 
 
 def show(value: object) -> str:
-    """Returns a value as a file would say it, shortened."""
+    """Returns a short description of a value for error messages, in YAML's terms."""
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, list | tuple):
@@ -68,13 +68,13 @@ def show(value: object) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    return text if len(text) <= _MAX_SHOWN_LENGTH else f"{text[: _MAX_SHOWN_LENGTH - 1]}…"
 
 
 def _locate(details: ErrorDetails, tree: Tree, prefix: KeyPath) -> tuple[KeyPath, bool]:
-    """Returns the path of the wrong value, and whether its key is what is wrong.
+    """Returns the path of the invalid value, and whether the key is invalid instead of the value.
 
-    pydantic puts the names of a union's members in between; they are no part of the file.
+    The names of union members in pydantic's location are skipped, because they are not part of the file.
     """
     path, location = prefix, details["loc"]
     for i, part in enumerate(location):
@@ -103,25 +103,25 @@ def _problem(
         )
     value = path[-1] if is_key else tree.get(path)
     message, expected = _combined(group)
-    said = (
+    actual = (
         ""
         if any(details["type"] in ("value_error", "assertion_error") for details in group)
         else f", not {show(value)}"
     )
     hint = _suggestion(value, expected) if isinstance(value, str) else ""
-    return Problem(f"{dotted(path)}: {message}{said}", mark, hint or _quoting_hint(kinds, value, place.plain))
+    return Problem(f"{dotted(path)}: {message}{actual}", mark, hint or _quoting_hint(kinds, value, place.plain))
 
 
 def _combined(group: list[ErrorDetails]) -> tuple[str, list[str]]:
-    """Joins what the members of a union say; returns the sentence, and the words that are allowed."""
+    """Joins the messages of a union's members; returns the message and the allowed words."""
     parts: list[str] = []
     expected: list[str] = []
-    # A list whose items are wrong is also too short for pydantic, which leaves wrong items out.
+    # pydantic also reports a list with invalid items as too short, because it does not count these items.
     for details in [d for d in group if d["type"] != "too_short"] or group:
         text = _WORDS.get(
             details["type"], details["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
         )
-        # pydantic says which type of Python's it is, and how many items there are "after validation".
+        # Removes Python's type and the words "after validation" from pydantic's message.
         text = re.sub(r"^(?:Tuple|List) (should have at \w+ \d+ items?).*", r"Value \1", text)
         if details["type"] in ("literal_error", "enum"):
             expected += re.findall("'([^']*)'", str(details.get("ctx", {}).get("expected", "")))
@@ -134,14 +134,14 @@ def _combined(group: list[ErrorDetails]) -> tuple[str, list[str]]:
 
 
 def _suggestion(word: str, known: Sequence[str]) -> str:
-    return did_you_mean(word, known).removeprefix(", ") if len(word) <= _LONGEST else ""
+    return did_you_mean(word, known).removeprefix(", ") if len(word) <= _MAX_SHOWN_LENGTH else ""
 
 
 def _quoting_hint(kinds: set[str], value: object, plain: str | None) -> str:
-    """Returns what to change when only the quotes, or a list's brackets, are missing or too many."""
+    """Returns a hint if only quotes are missing or superfluous, or if the brackets of a list are missing."""
     scalar = isinstance(value, bool | int | float | str)
     if "string_type" in kinds and plain and scalar:
-        return f'to mean text, write "{plain}" with the quotes'
+        return f'for text, write "{plain}" with the quotes'
     if kinds & {"float_type", "int_type", "bool_type"} and plain is None and isinstance(value, str):
         typed = ros_scalar(value)
         right = (
@@ -151,12 +151,12 @@ def _quoting_hint(kinds: set[str], value: object, plain: str | None) -> str:
         )
         return "leave out the quotes" if right else ""
     if kinds & {"tuple_type", "list_type"} and scalar:
-        return f"write [{plain or value}] for a list of one"
+        return f"write [{plain or value}] for a list with one item"
     return ""
 
 
 def _instance_hint(path: KeyPath, tree: Tree) -> str:
-    """Returns a hint for an entry under `plugins` that an option made, most likely by a misspelt name."""
+    """Returns a hint for an entry under `plugins` that an option has created, probably by a misspelt name."""
     if len(path) != 3 or path[0] != "plugins" or path[2] != "type":
         return ""
     if tree.place(path[:2]).value.source.lines:

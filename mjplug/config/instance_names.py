@@ -1,4 +1,4 @@
-"""What the names of one plugin instance become: its namespace, its TF frame prefix, and its defaults."""
+"""Resolves the names of a plugin instance: namespace, TF frame prefix, and default names."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from mjplug.config.settings import Settings
 from mjplug_schemas.names import NAMESPACE, normalize_namespace, resolve
 
 REFERENCE_TYPES = "mujoco_ros2_control_plugins/"
-"""How the plugin types of mujoco_ros2_control begin."""
+"""Prefix of the plugin types of mujoco_ros2_control."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class InstanceNames:
 
     Attributes:
         full_name: Returns the full ROS name of a name, after remapping.
-        frame_prefix: What stands before TF frames, such as `robot1/`.
+        frame_prefix: Prefix of TF frames, such as `robot1/`.
     """
 
     full_name: Callable[[str], str]
@@ -54,12 +54,12 @@ def _resolver(settings: Settings, node: str, namespace: str) -> Callable[[str], 
 
 
 def _documented(full_name: Callable[[str], str], name: str) -> str:
-    """Leaves the namespace out of a default: mujoco_ros2_control documents `/scan` and its like as absolute names."""
+    """Returns a default name without the namespace: mujoco_ros2_control documents absolute names such as `/scan`."""
     return full_name(name.removeprefix(NAMESPACE))
 
 
 def _substitutes(value: object) -> bool:
-    """Whether the user wrote `{ns}` somewhere in the parameters; then defaults have it too."""
+    """Returns whether the parameters contain `{ns}`; if so, it also applies to default names."""
     if isinstance(value, Mapping):
         return any(map(_substitutes, value.values()))
     if isinstance(value, list | tuple):

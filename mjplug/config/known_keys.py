@@ -1,4 +1,4 @@
-"""Which keys a pydantic model knows at some place, for error messages."""
+"""The known keys of a pydantic model at a location, for error messages."""
 
 from collections.abc import Iterator, Sequence
 from types import UnionType
@@ -9,10 +9,10 @@ from pydantic.fields import FieldInfo
 
 
 def known_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
-    """Returns the keys that are known where a validation error is.
+    """Returns the known keys at the location of a validation error.
 
     Args:
-        model: The model that was validated.
+        model: The model of the validation.
         location: pydantic's `loc` of the mapping; names of union members in it are skipped.
     """
     annotations: list[Any] = [model]
@@ -38,7 +38,7 @@ def _below(annotation: Any, part: str | int) -> Iterator[Any]:
 
 
 def _members(annotation: Any) -> Iterator[Any]:
-    """Yields the types that an annotation allows, without wrappings."""
+    """Yields the types that an annotation allows, without `Annotated` and unions."""
     if get_origin(annotation) is Annotated:
         yield from _members(get_args(annotation)[0])
     elif get_origin(annotation) in (Union, UnionType):

@@ -1,4 +1,4 @@
-"""Puts a configuration together: files, environment, command line; everything wrong comes out at once."""
+"""Reads a configuration from files, environment variables and the command line; reports all problems at once."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ __all__ = ["Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
 MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
-"""Settings whose key may stand without a value."""
+"""Settings that may be written without a value."""
 
 
 def load(
@@ -32,16 +32,16 @@ def load(
     sets: Sequence[str | Option | Setting] = (),
     environ: Mapping[str, str] = os.environ,
 ) -> Loaded:
-    """Loads a configuration; nobody checks plugin parameters, as somebody may between `read` and `Draft.finish`.
+    """Loads a configuration without validating plugin parameters; for these, use `read` and `Draft.finish`.
 
     Args:
-        path: As for `read`, like everything else.
-        model: The model, in place of the one in the file.
-        sets: Values from the command line.
-        environ: Environment variables.
+        path: As for `read`.
+        model: As for `read`.
+        sets: As for `read`.
+        environ: As for `read`.
 
     Raises:
-        ConfigError: Something is wrong; all of it is in there.
+        ConfigError: The configuration is invalid; the error contains all problems.
     """
     return read(path, model=model, sets=sets, environ=environ).finish()
 
@@ -56,15 +56,15 @@ def read(
     """Reads a configuration.
 
     Args:
-        path: A file of our own form, a ROS parameter file, or a model; what such a file contains, as a mapping, whose
-            relative paths count from the current folder; None for nothing but options.
-        model: The model, in place of the one in the file (`--model`).
-        sets: Values such as `sim.speed=2` (`--set`), options that stand for such, or settings with a value; they win
-            over the environment, and that over the file.
-        environ: Environment variables; those such as `MJPLUG_SIM__SPEED` count.
+        path: A configuration file, a ROS parameter file, or a model file; or a mapping with the content of such a
+            file, whose relative paths are relative to the current folder; or None for no file.
+        model: The model, instead of the one in the file (`--model`).
+        sets: Values such as `sim.speed=2` (`--set`), equivalent options, or settings with a value. They override
+            environment variables, which override the file.
+        environ: Environment variables; those such as `MJPLUG_SIM__SPEED` are used.
 
     Raises:
-        ConfigError: The file cannot be read, or is no configuration at all.
+        ConfigError: The file cannot be read, or is not a configuration.
     """
     options = _Options(model, sets, environ)
     main = _main(path, model)
@@ -73,19 +73,19 @@ def read(
     tree, wrong_options = _assemble(main, ros_documents, options)
     problems += wrong_options
     if "model" not in tree.value:
-        problems.append(Problem(f"no model: {main.way_out}", Mark(main.source)))
+        problems.append(Problem(f"no model: {main.remedy}", Mark(main.source)))
     return Draft(tree, main.folder, problems)
 
 
 def is_model(path: str | Path) -> bool:
-    """Tells a model from a configuration file, by its name."""
+    """Returns whether a name is that of a model, not of a configuration file."""
     text = str(path)
     return text.startswith(_MODEL_SCHEMES) or text.lower().endswith(_MODEL_SUFFIXES)
 
 
 @dataclass(frozen=True, slots=True)
 class _Options:
-    """What does not come from files."""
+    """The parts of a configuration that do not come from files."""
 
     model: str | None
     sets: Sequence[str | Option | Setting]
@@ -94,14 +94,19 @@ class _Options:
 
 @dataclass(frozen=True, slots=True)
 class _Main:
-    """The file that was named first: at most one of `own` and `ros` is there; without both, there is no file.
+    """The main file.
 
-    `way_out` says what to do when there is no model.
+    Attributes:
+        source: The source.
+        folder: The folder for relative paths.
+        remedy: What to do if there is no model.
+        own: The document of a configuration file.
+        ros: The document of a ROS parameter file; at most one of `own` and `ros` is set.
     """
 
     source: Source
     folder: Path
-    way_out: str
+    remedy: str
     own: Document | None = None
     ros: Document | None = None
 
@@ -111,7 +116,7 @@ def _main(path: str | Path | Mapping[str, object] | None, model: str | None) -> 
         return _Main(Source("command line"), Path.cwd(), "give a configuration file, or --model FILE")
     if not isinstance(path, Mapping) and is_model(path):
         if model is not None:
-            message = f"is a model, and --model {model} is another one; give one of them"
+            message = f"this is a model, and --model {model} is another one; give only one of them"
             raise ConfigError([Problem(message, Mark(Source(str(path))))])
         source = Source(str(path))
         place = Place(Mark(source), Mark(source))
@@ -125,17 +130,17 @@ def _main(path: str | Path | Mapping[str, object] | None, model: str | None) -> 
     source = document.source
     whole = Mark(source)
     if document.value is None:
-        raise ConfigError([*document.problems, Problem("the file is empty; the least is `model: FILE`", whole)])
+        raise ConfigError([*document.problems, Problem("the file is empty; write at least `model: FILE`", whole)])
     if not isinstance(document.value, dict):
-        message = f"a configuration is a mapping of settings such as `model: scene.xml`, not {show(document.value)}"
+        message = f"a configuration must be a mapping such as `model: scene.xml`, not {show(document.value)}"
         raise ConfigError([*document.problems, Problem(message, document.places[()].value)])
     if is_ros_file(document.value):
-        return _Main(source, folder, "a ROS parameter file names none; give --model FILE", ros=document)
+        return _Main(source, folder, "a ROS parameter file contains no model; give --model FILE", ros=document)
     return _Main(source, folder, "write `model: FILE`, or give --model FILE", own=document)
 
 
 def _assemble(main: _Main, ros_documents: Sequence[Document], options: _Options) -> tuple[Tree, list[Problem]]:
-    """Puts everything into one tree, the strongest last."""
+    """Merges everything into one tree; later parts override earlier ones."""
     tree = Tree(main.source)
     problems: list[Problem] = []
     for document in [*ros_documents, *([main.own] if main.own else [])]:
@@ -152,7 +157,7 @@ def _assemble(main: _Main, ros_documents: Sequence[Document], options: _Options)
 
 
 def _ros_documents(main: _Main, origins: Origins, tree: Tree) -> tuple[list[Document], list[Problem]]:
-    """Returns the ROS parameter files in our own form: the main file, and those it lists."""
+    """Returns the ROS parameter files, converted to configuration files: the main file, and those that it lists."""
     documents = [main.ros] if main.ros else []
     problems: list[Problem] = []
     listed = tree.get(("ros_params",))
@@ -170,7 +175,7 @@ def _ros_documents(main: _Main, origins: Origins, tree: Tree) -> tuple[list[Docu
         if is_ros_file(document.value):
             documents.append(document)
         else:
-            message = f"{tree.get(path)!r} is no ROS parameter file, it has no ros__parameters"
+            message = f"{tree.get(path)!r} is not a ROS parameter file, because it has no ros__parameters"
             problems.append(origins.problem(path, message))
     nodes = node_names(_text(tree, "namespace"), _text(tree, "node_name"))
     return [own_form(document, nodes) for document in documents], problems

@@ -1,4 +1,4 @@
-"""Configurations and values that a Python program gives, in place of YAML text."""
+"""Configurations and values that a Python program gives instead of YAML text."""
 
 import os
 from collections.abc import Mapping
@@ -8,10 +8,10 @@ from mjplug.config.problem import ConfigError, Mark, Problem, Source
 
 
 def mapping_document(config: Mapping[str, object]) -> Document:
-    """Returns a configuration that is given as nested mappings, as if it had been read from a file.
+    """Returns the document of a configuration that is given as nested mappings.
 
     Raises:
-        ConfigError: It contains something that a configuration file cannot contain.
+        ConfigError: It contains a value that a configuration file cannot contain.
     """
     source = Source("configuration")
     value = plain_value(config, source)
@@ -20,16 +20,16 @@ def mapping_document(config: Mapping[str, object]) -> Document:
 
 
 def plain_value(value: object, source: Source) -> object:
-    """Returns a value in the types that YAML has: dict, list, str, int, float, bool and None.
+    """Converts a value to YAML's types: dict, list, str, int, float, bool and None.
 
     Tuples become lists, and paths become text. numpy's arrays and numbers become lists and numbers.
 
     Args:
         value: The value.
-        source: Where it comes from, for errors.
+        source: The source of the value, for the error message.
 
     Raises:
-        ConfigError: It is of another type, or a key is not text.
+        ConfigError: The value has another type, or a key is not text.
     """
     if value is None or type(value) in (bool, int, float, str):
         return value
@@ -42,7 +42,7 @@ def plain_value(value: object, source: Source) -> object:
         return [plain_value(item, source) for item in value]
     if isinstance(value, os.PathLike):
         return os.fsdecode(value)
-    # numpy is not imported for this.
+    # numpy's types are detected without importing numpy.
     if callable(convert := getattr(value, "tolist", None)):
         return plain_value(convert(), source)
     raise ConfigError(

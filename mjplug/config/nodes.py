@@ -1,4 +1,4 @@
-"""YAML text to PyYAML's nodes; syntax errors become problems with a place."""
+"""Parses YAML text to PyYAML's nodes; reports syntax errors with their place."""
 
 import re
 from typing import Any
@@ -16,17 +16,18 @@ except ImportError:  # PyYAML built without libyaml: slower, otherwise the same
     from yaml import SafeLoader as _SafeLoader  # type: ignore[assignment]
 
 MAX_DEPTH = 64
-"""Levels of nesting. The C parser recurses without a bound, and ten thousands of levels crash the process."""
+"""Maximum levels of nesting. The C parser recurses without a limit, and tens of thousands of levels crash the process.
+"""
 
 _SENTENCES = {
-    "but found another document": "a second document begins here; a configuration is one document",
+    "but found another document": "a second document begins here; a configuration file must contain one document",
     "second occurrence": "duplicate anchor",
 }
-"""Problems that libyaml splits into two half sentences."""
+"""Messages that replace incomplete sentences of libyaml."""
 
 
 class _Loader(_SafeLoader):
-    """Leaves nodes without an explicit tag untagged, since YAML's own guess of a type is not ROS's."""
+    """Adds no tags to nodes, because YAML's rules for the type of a scalar differ from ROS's."""
 
     def resolve(self, kind: Any, value: Any, implicit: Any) -> str:
         """Returns no tag."""
@@ -34,10 +35,10 @@ class _Loader(_SafeLoader):
 
 
 def compose(text: str, source: Source) -> Node | None:
-    """Returns the root node, or None when there is nothing but comments.
+    """Returns the root node; None if the text contains only comments.
 
     Raises:
-        ConfigError: The text is no YAML, or nested too deeply.
+        ConfigError: The text is not YAML, or is nested too deeply.
     """
     try:
         _refuse_deep_nesting(text, source)
@@ -59,7 +60,7 @@ def _refuse_deep_nesting(text: str, source: Source) -> None:
             if depth > MAX_DEPTH:
                 at = event.start_mark
                 mark = Mark(source, at.line + 1, at.column + 1) if at else Mark(source)
-                raise ConfigError([Problem(f"nested deeper than {MAX_DEPTH} levels", mark)])
+                raise ConfigError([Problem(f"the file is nested deeper than {MAX_DEPTH} levels", mark)])
         elif isinstance(event, CollectionEndEvent):
             depth -= 1
 
@@ -74,18 +75,18 @@ def _syntax_problem(error: yaml.MarkedYAMLError, source: Source) -> Problem:
     line = source.lines[mark.line - 1] if 0 < mark.line <= len(source.lines) else ""
     hint = ""
     if line[mark.column - 1 :].startswith("\t") or re.match(" *\t", line):
-        hint = "indent with spaces, YAML allows no tabs"
+        hint = "indent with spaces; YAML does not allow tabs"
     elif re.search(r"(^|[\s,{\[:])\{ns\}[^\s,}\]]", line):
-        hint = "quote a name that begins with '{ns}', such as \"{ns}/scan\""
+        hint = "write a name that begins with '{ns}' in quotes, such as \"{ns}/scan\""
     elif "mapping values are not allowed" in message:
-        hint = "quote a text that contains ': '"
+        hint = "write text that contains ': ' in quotes"
     elif "undefined alias" in message:
-        hint = "quote a text that begins with '*'"
+        hint = "write text that begins with '*' in quotes"
     return Problem(message, mark, hint)
 
 
 def _within(mark: Mark) -> Mark:
-    """Moves a mark behind the end of the text, where the parser misses something, to the end of the last line."""
+    """Moves a mark that is after the end of the text to the end of the last line that is not empty."""
     lines = mark.source.lines
     if not lines or (mark.line <= len(lines) and lines[mark.line - 1].strip()):
         return mark
@@ -94,7 +95,7 @@ def _within(mark: Mark) -> Mark:
 
 
 def _unreadable_character(error: ReaderError, text: str, source: Source) -> Problem:
-    # Its position counts bytes in one parser and characters in the other.
+    # The error's position is not used, because it counts bytes in one parser and characters in the other.
     message = f"YAML syntax: the character U+{error.character:04X} is not allowed"
     return Problem(message, _mark_at(text, max(0, text.find(chr(error.character))), source))
 

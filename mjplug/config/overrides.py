@@ -1,4 +1,4 @@
-"""Values from the command line and from environment variables, put over those of the files."""
+"""Values from the command line and from environment variables, which override those of files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from mjplug_schemas.names import NAMESPACE
 PREFIX = "MJPLUG_"
 
 ROS_DOMAIN = "ROS_DOMAIN_ID"
-"""What ROS 2 nodes on this machine are told; it counts where nobody says `ros2.domain_id`."""
+"""The environment variable that ROS 2 nodes use; it is the default of `ros2.domain_id`."""
 
 RESERVED = ("MJPLUG_CONNECT", "MJPLUG_LOG")
-"""Variables that begin like this say something else than the configuration."""
+"""Prefixes of environment variables that are not settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """A value that the command line has an option of its own for.
+    """A value from a command line option other than `--set`.
 
     Attributes:
-        typed: As the user typed it, and as errors show it: `--speed 2`.
-        meant: The same as `--set` takes it: `sim.speed=2`.
+        typed: The option as the user typed it, for error messages: `--speed 2`.
+        meant: The equivalent argument of `--set`: `sim.speed=2`.
     """
 
     typed: str
@@ -40,7 +40,7 @@ class Setting:
     """A value that a Python program gives.
 
     Attributes:
-        given: The argument, as errors show it: `speed='fast'`.
+        given: The argument, for error messages: `speed='fast'`.
         name: The setting: `sim.speed`.
         value: The value.
     """
@@ -51,17 +51,17 @@ class Setting:
 
 
 def put_model(tree: Tree, model: str) -> None:
-    """Puts in the model that the command line names."""
+    """Sets the model of the command line."""
     _put(tree, ["model"], model, Source(f"--model {model}"), model)
 
 
 def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
-    """Puts in `MJPLUG_SIM__SPEED=2` and its like; `__` goes down one level.
+    """Sets values from environment variables such as `MJPLUG_SIM__SPEED=2`; `__` separates levels.
 
-    ROS_DOMAIN_ID is ROS's own: it is weaker than the files.
+    ROS_DOMAIN_ID is used only if no file sets `ros2.domain_id`.
 
     Returns:
-        What is wrong with them.
+        The problems of the variables.
     """
     problems: list[Problem] = []
     ros_domain = environ.get(ROS_DOMAIN, "")
@@ -74,17 +74,17 @@ def put_environment(tree: Tree, environ: Mapping[str, str]) -> list[Problem]:
         path = _spelled_as_there(tree, name.removeprefix(PREFIX).split("__"))
         if path[0] not in Settings.model_fields:
             suggestion = did_you_mean(name, list(_variables())).removeprefix(", ")
-            problems.append(Problem("no setting has this name", Mark(source), suggestion))
+            problems.append(Problem("there is no setting with this name", Mark(source), suggestion))
         else:
             problems += _put_text(tree, path, text, source)
     return problems
 
 
 def put_sets(tree: Tree, sets: Sequence[str | Option | Setting]) -> list[Problem]:
-    """Puts in `sim.speed=2` and its like, as `--set` takes them, and what other options mean; later ones win.
+    """Sets values from arguments of `--set`, such as `sim.speed=2`, and from other options; later ones override.
 
     Returns:
-        What is wrong with them.
+        The problems of the arguments.
     """
     problems: list[Problem] = []
     for given in sets:
@@ -96,7 +96,7 @@ def put_sets(tree: Tree, sets: Sequence[str | Option | Setting]) -> list[Problem
         name, equals, text = option.meant.partition("=")
         path = name.strip().split(".")
         if not equals or not all(path):
-            problems.append(Problem("write it as path=value, such as sim.speed=2", Mark(source)))
+            problems.append(Problem("it is not path=value; write for example sim.speed=2", Mark(source)))
         else:
             problems += _put_text(tree, path, text, source)
     return problems
@@ -105,7 +105,7 @@ def put_sets(tree: Tree, sets: Sequence[str | Option | Setting]) -> list[Problem
 def _put_setting(tree: Tree, setting: Setting) -> list[Problem]:
     source, path = Source(setting.given), setting.name.split(".")
     if not all(path):
-        return [Problem(f"{setting.name!r} is no name of a setting, such as sim.speed", Mark(source))]
+        return [Problem(f"{setting.name!r} is not the name of a setting, such as sim.speed", Mark(source))]
     try:
         return _put(tree, path, plain_value(setting.value, source), source)
     except ConfigError as error:
@@ -125,24 +125,26 @@ def _put(tree: Tree, path: Sequence[str], value: object, source: Source, plain: 
     try:
         tree.put(path, value, Place(mark, mark, plain))
     except NotASectionError as error:
-        return [Problem(f"{dotted(error.path)} is {show(error.value)}, it has no {path[len(error.path)]!r}", mark)]
+        return [
+            Problem(f"{dotted(error.path)} is {show(error.value)}; it cannot contain {path[len(error.path)]!r}", mark)
+        ]
     return []
 
 
 def _read(text: str, source: Source) -> object:
-    """Reads a value: lists, mappings and quoted text as in YAML, everything else by the rules for unquoted scalars."""
-    # `{ns}/scan` is a name, which needs quotes only in a file.
+    """Parses a value: lists, mappings and quoted text as YAML, everything else by the rules for unquoted scalars."""
+    # `{ns}/scan` is a name, which needs quotes only in a file, not on the command line.
     if text.lstrip().startswith(("[", "{", '"', "'", "!")) and not text.lstrip().startswith(NAMESPACE):
         document = parse_document(text, source)
         if document.problems:
             raise ConfigError(document.problems)
         return document.value
-    # An empty text is what `--set namespace=` means; in a file it would be nothing.
+    # `--set namespace=` means empty text; in a file, an empty value would be null.
     return unquoted(text.strip()) if text.strip() else ""
 
 
 def _spelled_as_there(tree: Tree, parts: Sequence[str]) -> list[str]:
-    """Spells a variable's parts like keys that are there already, otherwise in lower case."""
+    """Returns the parts of a variable's name, spelled like existing keys, or in lower case if there is no such key."""
     path: list[str] = []
     for part in parts:
         node = tree.get(tuple(path))
@@ -152,7 +154,7 @@ def _spelled_as_there(tree: Tree, parts: Sequence[str]) -> list[str]:
 
 
 def _variables() -> Iterator[str]:
-    """Yields the variables there are, but for those of plugins."""
+    """Yields the names of all environment variables, without those for plugins."""
     for name, field in Settings.model_fields.items():
         yield f"{PREFIX}{name}".upper()
         if isinstance(field.annotation, type) and issubclass(field.annotation, Section):

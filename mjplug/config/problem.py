@@ -1,4 +1,4 @@
-"""What is wrong with a configuration, and where: the file, line and column, or the command line option."""
+"""Problems of a configuration, with their place: file, line and column, or command line option."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,21 +9,21 @@ from unicodedata import east_asian_width
 from mjplug.errors import MjplugError
 from mjplug.printable import lines, one_line
 
-_MOST_PROBLEMS = 100
-"""How many problems of a configuration the text of the error contains."""
+_MAX_SHOWN_PROBLEMS = 100
+"""Maximum number of problems in the text of an error."""
 
-_WIDEST = 160
-"""Source lines longer than this are shown in part."""
+_MAX_LINE_LENGTH = 160
+"""Maximum length of a source line that is shown in full [characters]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """Where a part of the configuration comes from; every one is itself, since comparing whole files would take long.
+    """The source of a part of the configuration. Compared by identity, because comparing files would take long.
 
     Attributes:
-        name: As errors show it: `scene.yaml`, `--set sim.speed=-1`, `environment MJPLUG_SIM__SPEED`.
-        lines: The text of a file; empty for everything else.
-        folder: The folder of a file, from which its relative paths count; None for everything else.
+        name: Name for error messages: `scene.yaml`, `--set sim.speed=-1`, `environment MJPLUG_SIM__SPEED`.
+        lines: The lines of a file; empty for other sources.
+        folder: The folder of a file, for its relative paths; None for other sources.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A point in a source; line and column count from 1, and line 0 means the source as a whole."""
+    """A position in a source. Line and column count from 1; line 0 means the whole source."""
 
     source: Source
     line: int = 0
@@ -42,13 +42,13 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong.
+    """An error or a warning about a configuration.
 
     Attributes:
-        message: The sentence, without place.
-        mark: Where it is.
-        hint: A way out, such as `did you mean 'speed'?`; may be empty.
-        severity: Warnings do not stop the server.
+        message: The sentence, without the place.
+        mark: The place.
+        hint: A remedy, such as `did you mean 'speed'?`; may be empty.
+        severity: `error` prevents a start, `warning` does not.
     """
 
     message: str
@@ -68,24 +68,28 @@ class Problem:
 
 
 class ConfigError(MjplugError):
-    """The configuration is wrong; the text has every problem that was found, each with its place.
+    """The configuration is invalid. The text contains the problems with their places.
+
+    Attributes:
+        problems: All problems.
 
     Args:
-        problems: What is wrong.
+        problems: All problems.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
-        more = len(self.problems) - _MOST_PROBLEMS
-        shown = [str(problem) for problem in self.problems[:_MOST_PROBLEMS]]
+        more = len(self.problems) - _MAX_SHOWN_PROBLEMS
+        shown = [str(problem) for problem in self.problems[:_MAX_SHOWN_PROBLEMS]]
         super().__init__("\n".join([*shown, f"… and {more} more"] if more > 0 else shown))
 
 
 def _excerpt(line: str, column: int) -> tuple[str, str]:
-    """Returns what to show of a source line, and the blanks that put a caret below its `column` (from 0)."""
-    start = max(0, column - _WIDEST // 2) if len(line) > _WIDEST else 0
+    """Returns the shown part of a source line, and the indentation of a caret below its `column` (from 0)."""
+    start = max(0, column - _MAX_LINE_LENGTH // 2) if len(line) > _MAX_LINE_LENGTH else 0
     shown = "".join(
-        c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}" for c in line[start : start + _WIDEST]
+        c if c.isprintable() or c == "\t" else "\N{REPLACEMENT CHARACTER}"
+        for c in line[start : start + _MAX_LINE_LENGTH]
     )
     blanks = "".join(_blank(c) for c in shown[: column - start])
     return shown, blanks + " " * (column - start - len(shown))

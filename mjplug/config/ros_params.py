@@ -1,8 +1,8 @@
-"""ROS parameter files: what they say about plugins, in the form of our own configuration files.
+"""Converts the plugins of ROS parameter files to the form of mjplug's configuration files.
 
-A section of such a file is for every node whose full name matches its pattern; `/**` is any number of names, `/*` is
-one. Parameters may be nested or dotted (`mujoco_plugins.cam.type`), and later ones win. Places still point into the ROS
-file.
+A section of such a file applies to every node whose full name matches its pattern; `/**` matches any number of names,
+`/*` matches one. Parameters may be nested or dotted (`mujoco_plugins.cam.type`), and later ones override earlier ones.
+Places still refer to the ROS file.
 """
 
 import re
@@ -14,14 +14,14 @@ from mjplug.config.document import Document, KeyPath, Place
 from mjplug.config.problem import Mark, Problem
 
 REFERENCE_NODE = "mujoco_ros2_control_node"
-"""The node that mujoco_ros2_control's parameter files are written for; its sections count here too."""
+"""The node name in parameter files of mujoco_ros2_control; its sections are used too."""
 
 _REFERENCE_TYPES = "mujoco_ros2_control_plugins/"
 
 
 @dataclass(frozen=True, slots=True)
 class _Section:
-    """The parameters of one node pattern, and where they are in the file."""
+    """The parameters of one node pattern, and their path in the file."""
 
     pattern: str
     path: KeyPath
@@ -33,14 +33,14 @@ class _Section:
 
 
 def is_ros_file(value: object) -> bool:
-    """Tells a ROS parameter file from one of our own: somewhere below its node names it has `ros__parameters`."""
+    """Returns whether the content is that of a ROS parameter file: it contains `ros__parameters` below node names."""
     return isinstance(value, dict) and any(
         isinstance(item, dict) and ("ros__parameters" in item or is_ros_file(item)) for item in value.values()
     )
 
 
 def node_names(namespace: str, node_name: str) -> tuple[str, ...]:
-    """Returns the full node names whose sections are ours.
+    """Returns the full node names whose sections apply to the server.
 
     Args:
         namespace: The server's namespace; empty for the root.
@@ -51,10 +51,10 @@ def node_names(namespace: str, node_name: str) -> tuple[str, ...]:
 
 
 def matches(pattern: str, node: str) -> bool:
-    """Tells whether a section's pattern is for a node.
+    """Returns whether a section's pattern matches a node.
 
     Args:
-        pattern: Such as `/**`, `/*`, `/ns/node`, `/ns/**`, or `node`, which is the same as `/node`.
+        pattern: A pattern such as `/**`, `/*`, `/ns/node`, `/ns/**`, or `node`, which is the same as `/node`.
         node: The node's full name.
     """
     wild = {"**": r"(?:/\w+)*", "*": r"/\w+"}
@@ -63,11 +63,11 @@ def matches(pattern: str, node: str) -> bool:
 
 
 def own_form(document: Document, nodes: Sequence[str]) -> Document:
-    """Returns a ROS parameter file as a document of our own form, without other nodes' and other software's parameters.
+    """Converts a ROS parameter file to a configuration document, without parameters of other nodes and programs.
 
     Args:
         document: The ROS parameter file.
-        nodes: Our full node names; the first one is shown in errors.
+        nodes: The server's full node names; error messages show the first one.
     """
     result = Document(document.source, {}, {(): document.places[()]}, list(document.problems))
     sections = list(_sections(document, cast(dict[str, object], document.value), (), result.problems))
@@ -87,12 +87,8 @@ def _sections(
     for key, item in value.items():
         here = (*path, key)
         if not is_ros_file({key: item}):
-            message = f"{key!r} is no section of a ROS parameter file: it has no ros__parameters"
-            hint = (
-                ""
-                if path
-                else "a ROS file in `ros_params` of a configuration file can be used together with other settings"
-            )
+            message = f"{key!r} is not a section of a ROS parameter file, because it has no ros__parameters"
+            hint = "" if path else "for other settings, write a configuration file that lists this file in `ros_params`"
             problems.append(Problem(message, document.places[here].key, hint))
             continue
         section = cast(dict[str, object], item)
@@ -105,7 +101,7 @@ def _sections(
             yield _Section(pattern, (*here, "ros__parameters"), parameters)
         elif parameters is not None:
             place = document.places[(*here, "ros__parameters")]
-            problems.append(Problem("ros__parameters should be a mapping of parameters", place.value))
+            problems.append(Problem("ros__parameters must be a mapping of parameters", place.value))
 
 
 def _take(document: Document, section: _Section, result: Document) -> None:
@@ -126,7 +122,8 @@ def _take(document: Document, section: _Section, result: Document) -> None:
             if name[0] not in warned:
                 warned.add(name[0])
                 message = (
-                    f"the plugin {name[0]!r} belongs under `mujoco_plugins:`, where mujoco_ros2_control looks for it"
+                    f"the plugin {name[0]!r} should be under `mujoco_plugins:`, because mujoco_ros2_control reads it "
+                    "there"
                 )
                 result.problems.append(Problem(message, place.key, severity="warning"))
             _store(document, path, result, ("plugins", *name))
@@ -137,7 +134,7 @@ def _take(document: Document, section: _Section, result: Document) -> None:
 def _flat(
     parameters: dict[str, object], path: KeyPath, prefix: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], KeyPath]]:
-    """Yields the name and the path in the file of every parameter and group of parameters, groups first."""
+    """Yields the name and the path in the file of every parameter and parameter group, groups first."""
     for key, value in parameters.items():
         name, here = (*prefix, *key.split(".")), (*path, key)
         yield name, here
@@ -146,7 +143,7 @@ def _flat(
 
 
 def _store(document: Document, source: KeyPath, result: Document, target: KeyPath) -> None:
-    """Copies a parameter, or makes a group, with its place; what a later one contradicts is replaced."""
+    """Copies a parameter, or creates a group, with its place; replaces an earlier value."""
     place = document.places[source]
     node = cast(dict[str | int, object], result.value)
     for i, part in enumerate(target[:-1]):
@@ -175,9 +172,9 @@ def _value(document: Document, path: KeyPath) -> object:
 
 def _use_sim_time(value: object, place: Place) -> list[Problem]:
     if not isinstance(value, bool):
-        return [Problem("use_sim_time should be true or false", place.value)]
+        return [Problem("use_sim_time must be true or false", place.value)]
     if not value:
-        message = "use_sim_time: false has no effect; the simulation is where the time comes from"
+        message = "use_sim_time: false has no effect, because the server publishes the simulated time"
         return [Problem(message, place.value, severity="warning")]
     return []
 
@@ -191,9 +188,11 @@ def _unused_gains(document: Document, section: _Section) -> Problem:
 def _nothing_found(document: Document, sections: list[_Section], node: str) -> Problem:
     others = [section for section in sections if section.has_plugins]
     if not others:
-        return Problem("has no mujoco_plugins, so it adds no plugin", Mark(document.source), severity="warning")
+        return Problem(
+            "the file has no mujoco_plugins, so it adds no plugin", Mark(document.source), severity="warning"
+        )
     patterns = ", ".join(f"'/{section.pattern}'" for section in others)
-    message = f"no section with mujoco_plugins is for the node {node!r}; this file has them for {patterns}"
+    message = f"no section with mujoco_plugins applies to the node {node!r}; this file has sections for {patterns}"
     name = others[0].pattern.rpartition("/")[2]
     hint = f"set `node_name: {name}`, or write '/**' here" if name.isidentifier() else "write '/**' here"
     return Problem(message, document.places[others[0].path[:-1]].key, hint)

@@ -1,7 +1,7 @@
-"""The type of an unquoted value, by the rules of ROS's own parameter parser.
+"""Parses an unquoted value by the rules of ROS's own parameter parser, so that a file has the same values as in ROS.
 
-Source: `rcl_yaml_param_parser`, function `get_value`. It asks C's `strtol` and `strtod`, so `012` is 10, `08` is 8.0,
-`1_000` and `1:30` are text, unlike in YAML 1.1 or 1.2. A file therefore means the same here and in ROS.
+Source: `rcl_yaml_param_parser`, function `get_value`. It uses C's `strtol` and `strtod`, so `012` is 10, `08` is 8.0,
+and `1_000` and `1:30` are text, unlike in YAML 1.1 or 1.2.
 """
 
 import re
@@ -13,8 +13,8 @@ _FALSE = frozenset({"N", "n", "no", "No", "NO", "false", "False", "FALSE", "off"
 _SPECIAL = re.compile(r"[+-]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 
 _SPACE = r"[ \t\n\v\f\r]*"
-_MOST_DIGITS = 22
-"""No integer of 64 bits has more, in octal."""
+_MAX_DIGITS = 22
+"""Maximum number of digits of a 64-bit integer, which is in octal."""
 _INTEGER = re.compile(rf"{_SPACE}([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))", re.ASCII)
 _DECIMAL = re.compile(rf"{_SPACE}([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)", re.ASCII)
 _HEXADECIMAL = re.compile(
@@ -24,7 +24,7 @@ _NAMED = re.compile(rf"{_SPACE}([+-]?)(?:(inf|infinity)|nan(?:\([A-Za-z0-9_]*\))
 
 
 def ros_scalar(text: str) -> Scalar:
-    """Returns what ROS reads from an unquoted scalar: a bool, an int of 64 bits, a float, or else the text itself."""
+    """Returns the value that ROS reads from an unquoted scalar: a bool, a 64-bit int, a float, or the text itself."""
     if text in _TRUE:
         return True
     if text in _FALSE:
@@ -43,7 +43,7 @@ def _integer(text: str) -> int | None:
     sign, hexadecimal, octal, decimal = match.groups()
     digits, base = (hexadecimal, 16) if hexadecimal else (octal, 8) if octal else (decimal, 10)
     digits = digits.lstrip("0") or "0"
-    if len(digits) > _MOST_DIGITS:
+    if len(digits) > _MAX_DIGITS:
         return None
     value = int(sign + digits, base)
     return value if -(2**63) <= value < 2**63 else None
@@ -67,6 +67,6 @@ def _float(text: str) -> float | None:
             return None
     else:
         return None
-    # strtod reports a number too large or too small for a double as out of range, and ROS then takes the text.
+    # strtod reports a number that is too large or too small for a double as out of range; ROS then uses the text.
     lost = value in (float("inf"), float("-inf")) or (value == 0.0 and re.search("[1-9a-fA-F]", mantissa))
     return None if lost else value

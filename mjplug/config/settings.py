@@ -1,4 +1,4 @@
-"""What a configuration file can say: names, units, defaults, and what is allowed."""
+"""The settings of a configuration file: names, units, defaults and allowed values."""
 
 from typing import Annotated, Any, Literal
 
@@ -28,8 +28,8 @@ def _frame_prefix(text: str) -> str:
     rest = text.replace(NAMESPACE, "")
     if rest and (text.startswith("/") or any(c in "{}" or c.isspace() for c in rest)):
         raise ValueError(
-            f"a frame prefix has no spaces, does not start with '/', and its only substitution is {NAMESPACE!r}; "
-            "write for instance 'robot1/' or '{ns}/'"
+            f"a frame prefix must not contain spaces or start with '/', and its only substitution is {NAMESPACE!r}; "
+            "write for example 'robot1/' or '{ns}/'"
         )
     return text
 
@@ -54,18 +54,18 @@ Keyframe = Annotated[
 
 
 class Section(BaseModel):
-    """A part of the configuration: no unknown keys, and every scalar of exactly its type, though an int is a float."""
+    """A section of the configuration. Unknown keys and other types are refused, but an int is accepted as a float."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Sim(Section):
-    """How the simulation runs."""
+    """Settings of the simulation."""
 
     speed: Annotated[float, Field(ge=MIN_SPEED, le=MAX_SPEED)] | Literal["max"] = Field(
         1.0, description="Real-time factor, from 0.001 to 1000; `max` runs as fast as possible."
     )
-    paused: bool = Field(False, description="Whether to start paused.")
+    paused: bool = Field(False, description="Whether the simulation starts paused.")
     keyframe: Keyframe = Field(
         "", description="Name or index of the keyframe to start from; empty means the model's default pose."
     )
@@ -73,123 +73,120 @@ class Sim(Section):
         "", description="An XML file `<key qpos=… qvel=… ctrl=…/>` with the state to start from, not a keyframe."
     )
     initial_positions: dict[str, float] = Field(
-        {}, description="Where hinge and slide joints start [rad, m], by name; laid over the keyframe or the file."
+        {},
+        description="Initial positions of hinge [rad] and slide [m] joints, by name; they override the keyframe or the "
+        "file.",
     )
     hold_initial_pose: bool = Field(
         True,
-        description="Whether position actuators start with the initial pose as their target where neither a keyframe "
-        "nor a file says their controls; false leaves MuJoCo's zeros.",
+        description="Whether position actuators start with the initial pose as their target, unless a keyframe or a "
+        "file sets their controls; with false, their controls are zero.",
     )
     plugin_libraries: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="Libraries with plugins of the MuJoCo engine, loaded before the model; they run native code."
     )
     seed: int = Field(0, ge=0, description="Seed of all random numbers.")
-    clock_rate: float = Field(
-        100.0, gt=0, description="How often simulated time is published on `/clock` [Hz of simulated time]."
-    )
+    clock_rate: float = Field(100.0, gt=0, description="Rate of `/clock` [Hz of simulated time].")
     on_divergence: Literal["pause", "reset", "stop"] = Field(
-        "pause", description="What to do when the state becomes NaN or grows without bound."
+        "pause", description="Reaction when the state becomes NaN or infinite, or grows above 1e10."
     )
 
 
 class Zenoh(Section):
-    """How the server gets onto the network."""
+    """Settings of the Zenoh session."""
 
     mode: Literal["auto", "router", "peer", "client"] = Field(
         "auto",
-        description="`auto` is a router, or a client: of the router that already listens there, or, with `connect` and "
-        "without `listen`, of the router that `connect` names.",
+        description="`auto` opens a router; it opens a client if a router already listens there, or with `connect` and "
+        "without `listen`.",
     )
     listen: Endpoints | None = Field(
         None,
-        description="Endpoints to listen on; port 0 is any free one. A router's default is `tcp/127.0.0.1:7447`.",
+        description="Endpoints to listen on; port 0 means any free port. The default of a router is "
+        "`tcp/127.0.0.1:7447`.",
     )
     connect: Endpoints = Field((), description="Endpoints to connect to.")
     config: str | None = Field(
         None,
-        description="A Zenoh configuration file (JSON5): TLS, users, access control and all else that Zenoh can do.",
+        description="A Zenoh configuration file (JSON5) for TLS, users, access control and all other Zenoh settings.",
     )
     max_payload_bytes: int = Field(
         1 << 20,
         ge=1024,
-        description="The longest message or request that is accepted [bytes]; longer ones are refused.",
+        description="Maximum size of a received message or request [bytes]; larger ones are refused.",
     )
     max_json_bytes: int = Field(
         64 * 1024,
         ge=1024,
-        description="The longest message or request in JSON that is accepted [bytes]. Physics waits while JSON is "
-        "decoded, about 6 ms at most with the default, and longer in proportion; CDR has no such limit.",
+        description="Maximum size of a received message or request in JSON [bytes]. Physics waits while JSON is "
+        "decoded, at most about 6 ms with the default, and in proportion to this limit. CDR has no such limit.",
     )
 
 
 class Ros2(Section):
-    """How ROS 2 nodes on rmw_zenoh see the server."""
+    """Settings for ROS 2 nodes with rmw_zenoh."""
 
     enabled: bool = Field(True, description="Whether topics and services appear in the ROS 2 graph.")
     domain_id: int = Field(
-        0, ge=0, le=232, description="The ROS domain of the nodes; where it is not said, ROS_DOMAIN_ID says it."
+        0, ge=0, le=232, description="The ROS domain of the nodes; without it, ROS_DOMAIN_ID is used."
     )
     distro: Literal["humble", "jazzy", "kilted", "lyrical", "rolling"] = Field(
-        "jazzy", description="The distribution of the nodes. Humble has no type hashes; the others are served alike."
+        "jazzy", description="The distribution of the nodes. Only Humble differs: it has no type hashes."
     )
 
 
 class PluginEntry(BaseModel):
-    """One plugin instance: its type, and parameters that the plugin itself checks."""
+    """One plugin instance: its type, and parameters that the plugin validates."""
 
     model_config = ConfigDict(frozen=True, extra="allow", strict=True)
 
     type: str = Field(
         min_length=1,
-        description="Which plugin: a registered name such as `heartbeat`, a name of mujoco_ros2_control's, or "
+        description="Plugin type: a registered name such as `heartbeat`, a name of mujoco_ros2_control, or "
         "`module:Class`.",
     )
     namespace: Annotated[str, AfterValidator(_relative_or_full)] | None = Field(
         None,
-        description="Namespace of this instance: `robot1` is below that of the server, `/robot1` is not; without it, "
-        "that of the server.",
+        description="Namespace of this instance: `robot1` is relative to the server's namespace, `/robot1` is "
+        "absolute. Default: the server's namespace.",
     )
     frame_prefix: FramePrefix | None = Field(
-        None, description="Prefix of this instance's frames; without it, that of the server."
+        None, description="Prefix of this instance's TF frames. Default: the server's prefix."
     )
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The plugin's own parameters, as they stand in the file."""
+        """The plugin's own parameters, as in the file."""
         return dict(self.__pydantic_extra__ or {})
 
 
 class Settings(Section):
-    """A whole configuration file."""
+    """All settings of a configuration file."""
 
     model: str = Field(
         min_length=1,
         description="A .xml, .urdf, .mjb or .mjz file relative to this file, `package://pkg/path`, or `bundled:NAME`.",
     )
     node_name: NodeName = Field(
-        "mjplug", description="The server's own name: `/<namespace>/<node_name>/set_pause` and so on."
+        "mjplug", description="The server's node name, as in `/<namespace>/<node_name>/set_pause`."
     )
     namespace: Namespace = Field(
-        "", description="ROS namespace of every name that is not given as absolute; empty is the root."
+        "", description="ROS namespace of every name that is not absolute; empty means the root."
     )
     frame_prefix: FramePrefix = Field(
         "",
-        description="Prefix of the TF frames in messages, such as `robot1/`; `{ns}/` stands for the namespace.",
+        description="Prefix of the TF frames in messages, such as `robot1/`; `{ns}` is replaced by the namespace.",
     )
-    remap: dict[FullName, FullName] = Field(
-        {}, description="Full names, and what they are called instead: `{/clock: '{ns}/clock'}`."
-    )
-    sim: Sim = Field(Sim(), description="How the simulation runs.")
-    zenoh: Zenoh = Field(Zenoh(), description="How the server gets onto the network.")
-    ros2: Ros2 = Field(Ros2(), description="How ROS 2 nodes on rmw_zenoh see the server.")
-    plugins: dict[NodeName, PluginEntry] = Field(
-        {}, description="What runs besides the server's own services, by instance name."
-    )
+    remap: dict[FullName, FullName] = Field({}, description="Replacements of full names: `{/clock: '{ns}/clock'}`.")
+    sim: Sim = Field(Sim(), description="Settings of the simulation.")
+    zenoh: Zenoh = Field(Zenoh(), description="Settings of the Zenoh session.")
+    ros2: Ros2 = Field(Ros2(), description="Settings for ROS 2 nodes with rmw_zenoh.")
+    plugins: dict[NodeName, PluginEntry] = Field({}, description="Plugin instances, by instance name.")
     ros_params: Annotated[tuple[str, ...], Field(strict=False)] = Field(
-        (), description="ROS parameter files whose `mujoco_plugins` run too; `plugins` has the last word."
+        (), description="ROS parameter files whose `mujoco_plugins` are added; `plugins` overrides them."
     )
     on_plugin_error: Literal["stop", "disable"] = Field(
         "stop",
-        description="What an exception in a plugin's update, timer or subscription does: end the server, or end only "
-        "the plugin's work.",
+        description="Reaction to an exception in a plugin's update, timer or subscription: stop the server, or disable "
+        "only the plugin instance.",
     )

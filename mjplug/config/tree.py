@@ -1,4 +1,4 @@
-"""The configuration while it is put together from files and options: values by path, each with its place."""
+"""Merges the values of files and options to one configuration: values by path, each with its place."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -9,11 +9,11 @@ from mjplug.config.problem import Mark, Source
 
 
 class NotASectionError(Exception):
-    """A path goes through something that has no such part.
+    """A part of a path is a value that cannot contain the next part.
 
     Attributes:
-        path: The last part of the path that is there.
-        value: What is there.
+        path: The path of this value.
+        value: The value.
     """
 
     def __init__(self, path: KeyPath, value: object) -> None:
@@ -23,13 +23,13 @@ class NotASectionError(Exception):
 
 
 class Tree:
-    """Nested mappings that remember where each of their values came from.
+    """Nested mappings with the place of each value.
 
     Attributes:
-        value: The values put in so far.
+        value: The values.
 
     Args:
-        source: Where a value that is nowhere would have to be added, such as the main file.
+        source: The source for messages about missing values, such as the main file.
     """
 
     def __init__(self, source: Source) -> None:
@@ -37,7 +37,7 @@ class Tree:
         self._places: dict[KeyPath, Place] = {(): Place(Mark(source), Mark(source))}
 
     def merge(self, document: Document) -> None:
-        """Puts in a document, whose root is a mapping; mappings are merged, other values replace what was there."""
+        """Adds a document, whose root must be a mapping. Mappings are merged; other values replace existing ones."""
         self._merge((), self.value, cast(Mapping[str, object], document.value))
         self._places |= {path: place for path, place in document.places.items() if path}
 
@@ -53,15 +53,15 @@ class Tree:
                 into[key] = deepcopy(value)
 
     def put(self, path: Sequence[str], value: object, place: Place) -> None:
-        """Puts in a value that comes from one place as a whole, and makes missing sections on the way.
+        """Sets a value, and creates missing sections of its path.
 
         Args:
-            path: Where to; an item of a list by its number, as text.
-            value: The value; a mapping replaces the one that was there.
-            place: Where it came from.
+            path: The path of the value; an item of a list is given by its index as text.
+            value: The value; a mapping replaces an existing one.
+            place: The place of the value and of all its parts.
 
         Raises:
-            NotASectionError: A part of the path is there already, but has no parts, or no item of that number.
+            NotASectionError: A part of the path is neither a mapping nor a list with this index.
         """
         node: object = self.value
         done: KeyPath = ()
@@ -80,7 +80,7 @@ class Tree:
         self._places[done] = place
 
     def get(self, path: KeyPath) -> object:
-        """Returns the value at a path, or None."""
+        """Returns the value at a path; None if there is none."""
         node: object = self.value
         for part in path:
             in_mapping = isinstance(node, dict) and part in node
@@ -91,12 +91,12 @@ class Tree:
         return node
 
     def remove(self, key: str) -> None:
-        """Takes out a key of the root."""
+        """Removes a key of the root."""
         del self.value[key]
         self._forget((key,))
 
     def place(self, path: KeyPath) -> Place:
-        """Returns where the value at a path stands; if it is nowhere, where the nearest section around it does."""
+        """Returns the place of the value at a path; if there is no such value, the place of its nearest section."""
         while path not in self._places:
             path = path[:-1]
         return self._places[path]

@@ -114,7 +114,7 @@ def overlay(path: str, read: Read) -> dict[str, bytes]:
     if texts:
         main.edits.append(Edit(main.root.inner_end, main.root.inner_end, f"<custom>{''.join(texts)}</custom>"))
     changed = {name: edited(file.content, file.edits) for name, file in files.items() if file.edits}
-    attached = {_beside(path, model) for file in files.values() for model in _referred(file.root, "model")}
+    attached = {_relative_to(path, model) for file in files.values() for model in _referred(file.root, "model")}
     for model in attached - {path}:
         if read(model) is not None:
             changed |= overlay(model, read)
@@ -143,11 +143,11 @@ def _files(main: str, read: Read) -> dict[str, _File]:
             raise ModelError(f"{name}: {error}") from error
         files[name] = _File(content, root, [])
         # In MuJoCo, all file names are relative to the main file's folder, also in files from other folders.
-        waiting += [_beside(main, file) for file in _referred(root, "include")]
+        waiting += [_relative_to(main, file) for file in _referred(root, "include")]
     return files
 
 
-def _beside(main: str, file: str) -> str:
+def _relative_to(main: str, file: str) -> str:
     return os.path.normpath(os.path.join(os.path.dirname(main), file))
 
 

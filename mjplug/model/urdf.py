@@ -86,7 +86,7 @@ def _compiler(root: ElementTree.Element) -> ElementTree.Element:
 
 def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mapping[str, str]) -> Path:
     folder = urdf.absolute().parent
-    beside = folder / (options.get("meshdir") or options.get("assetdir") or "")
+    mesh_folder = folder / (options.get("meshdir") or options.get("assetdir") or "")
     if Path(filename).suffix.lower() not in _READABLE:
         raise ModelError(
             f"{urdf}: MuJoCo does not support the mesh format of {filename!r}; supported: {', '.join(_READABLE)}"
@@ -95,14 +95,14 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
         try:
             return locate_in_package(filename, environ, list(folder.parents) + [folder]).resolve()
         except ModelError as error:
-            if (beside / Path(filename).name).is_file():
-                return (beside / Path(filename).name).resolve()
+            if (mesh_folder / Path(filename).name).is_file():
+                return (mesh_folder / Path(filename).name).resolve()
             raise ModelError(f"{urdf}: {error}, nor in a folder around the URDF") from None
     name = filename.removeprefix("file://")
     # By default, MuJoCo removes the folders from mesh file names; for other programs, they are relative to the URDF.
-    ways = [beside / name, folder / name, beside / Path(name).name]
+    choices = [mesh_folder / name, folder / name, mesh_folder / Path(name).name]
     strip = options.get("strippath")
-    candidates = ways[2:] if strip == "true" else ways[:2] if strip == "false" else ways
+    candidates = choices[2:] if strip == "true" else choices[:2] if strip == "false" else choices
     for file in candidates:
         if file.is_file():
             return file.resolve()

@@ -113,7 +113,7 @@ class Timer:
         self.due = self._start - (-periods * self._num // self._den)
 
     def cancel(self) -> None:
-        """Stops the timer for good."""
+        """Stops the timer permanently."""
         self.cancelled = True
 
 

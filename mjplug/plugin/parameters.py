@@ -1,4 +1,4 @@
-"""The base of a plugin's parameters, and what their fields may be annotated with."""
+"""The base class of a plugin's parameters, and annotations for their fields."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -64,5 +64,5 @@ def _nested(value: object) -> object:
 def _listed(value: object) -> object:
     if isinstance(value, list):
         return tuple(value)
-    # An empty text is no name, and no list without entries either.
+    # Empty text is refused, because it is neither a name nor an empty list.
     return (value,) if isinstance(value, int | float | str) and not isinstance(value, bool) and value != "" else value

@@ -82,7 +82,7 @@ CONFIGURATIONS = {
         "ros.yaml",
         3,
         [
-            "ros.yaml: error: no model: a ROS parameter file names none; give --model FILE\n",
+            "ros.yaml: error: no model: a ROS parameter file contains no model; give --model FILE\n",
             "ros.yaml:4:88: error: plugins.pulse.update_rate: Input should be a number, not '2'\n",
             "^ leave out the quotes\n",
         ],
@@ -91,7 +91,7 @@ CONFIGURATIONS = {
     "a ROS file for another node": Mistake(
         "ros.yaml --model bundled:box",
         3,
-        ["no section with mujoco_plugins is for the node '/mjplug'", "'/other_node'"],
+        ["no section with mujoco_plugins applies to the node '/mjplug'", "'/other_node'"],
         {"ros.yaml": OTHER_ROS_FILE},
     ),
     "a module with a syntax error": Mistake(
@@ -148,7 +148,10 @@ OPTIONS = {
     "a variable that is not there": Mistake(
         "bundled:box",
         3,
-        ["environment MJPLUG_SIMM__SPEED: error: no setting has this name; did you mean 'MJPLUG_SIM__SPEED'?\n"],
+        [
+            "environment MJPLUG_SIMM__SPEED: error: there is no setting with this name; "
+            "did you mean 'MJPLUG_SIM__SPEED'?\n"
+        ],
         env={"MJPLUG_SIMM__SPEED": "2"},
     ),
     "an endpoint that is none": Mistake(
@@ -156,7 +159,7 @@ OPTIONS = {
         3,
         [
             "--listen 127.0.0.1:7447: error: ",
-            "'127.0.0.1:7447' is no Zenoh endpoint; write it as protocol/address, such as tcp/127.0.0.1:7447\n",
+            "'127.0.0.1:7447' is not a Zenoh endpoint; write protocol/address, such as tcp/127.0.0.1:7447\n",
         ],
     ),
     "an address of another machine": Mistake(

@@ -73,7 +73,7 @@ ros_params: [no.yaml]
         "      |               ^ did you mean 'router'?\n"
         "c.yaml:10:31: error: zenoh.listen: Input should be a list, not 'tcp/0.0.0.0:7447'\n"
         f"{zenoh}"
-        "      |                               ^ write [tcp/0.0.0.0:7447] for a list of one\n"
+        "      |                               ^ write [tcp/0.0.0.0:7447] for a list with one item\n"
         "c.yaml:10:59: error: zenoh.connect[0]: write the endpoint 'tcp://a:1' as 'tcp/a:1'\n"
         f"{zenoh}"
         "      |                                                           ^\n"
@@ -143,17 +143,17 @@ def test_an_empty_section_is_the_default(config):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "c.yaml: error: the file is empty; the least is `model: FILE`"),
-        ("# model: a\n", "c.yaml: error: the file is empty; the least is `model: FILE`"),
+        ("", "c.yaml: error: the file is empty; write at least `model: FILE`"),
+        ("# model: a\n", "c.yaml: error: the file is empty; write at least `model: FILE`"),
         (
             "just text",
-            "c.yaml:1:1: error: a configuration is a mapping of settings such as `model: scene.xml`, not 'just text'\n"
+            "c.yaml:1:1: error: a configuration must be a mapping such as `model: scene.xml`, not 'just text'\n"
             "    1 | just text\n"
             "      | ^",
         ),
         (
             "- a\n- b",
-            "c.yaml:1:1: error: a configuration is a mapping of settings such as `model: scene.xml`, not a list\n"
+            "c.yaml:1:1: error: a configuration must be a mapping such as `model: scene.xml`, not a list\n"
             "    1 | - a\n"
             "      | ^",
         ),
@@ -178,7 +178,7 @@ def test_a_model_alone_is_a_configuration(here):
     assert load("package://p/a.urdf", environ={}).settings.model == "package://p/a.urdf"
     assert load(None, model="a.mjb", environ={}).settings.model == "a.mjb"
     assert refusal(load, "a.xml", model="b.xml", environ={}) == (
-        "a.xml: error: is a model, and --model b.xml is another one; give one of them"
+        "a.xml: error: this is a model, and --model b.xml is another one; give only one of them"
     )
     assert refusal(load, None, environ={}) == (
         "command line: error: no model: give a configuration file, or --model FILE"

@@ -89,9 +89,9 @@ def test_wrong_options_say_which_they_are(config):
         MJPLUGIN="x",
         PATH="/bin",
     ).splitlines() == [
-        "environment MJPLUG_SIM_SPEED: error: no setting has this name; did you mean 'MJPLUG_SIM__SPEED'?",
-        "--set foo: error: write it as path=value, such as sim.speed=2",
-        "--set =1: error: write it as path=value, such as sim.speed=2",
+        "environment MJPLUG_SIM_SPEED: error: there is no setting with this name; did you mean 'MJPLUG_SIM__SPEED'?",
+        "--set foo: error: it is not path=value; write for example sim.speed=2",
+        "--set =1: error: it is not path=value; write for example sim.speed=2",
         "--set model.x=1: error: model is 'scene.xml', it has no 'x'",
         "--set zenoh.listen.1=tcp/a:1: error: zenoh.listen is a list, it has no '1'",
         "--set ros2.domain_id=[1: error: YAML syntax: did not find expected ',' or ']' while parsing a flow sequence",
@@ -121,7 +121,7 @@ def test_a_name_in_the_namespace_needs_no_quotes_as_an_option(config):
     "text", ["model: a\nremap:\n  /clock: {ns}/clock\n", "model: a\nremap: {/clock: {ns}/clock}\n"]
 )
 def test_a_name_in_the_namespace_without_quotes_in_a_file_is_told_to_have_them(config, text):
-    assert refusal(config, text).endswith("^ quote a name that begins with '{ns}', such as \"{ns}/scan\"")
+    assert refusal(config, text).endswith("^ write a name that begins with '{ns}' in quotes, such as \"{ns}/scan\"")
     assert config("model: a\nremap: {/clock: '{ns}/clock'}").settings.remap == {"/clock": "{ns}/clock"}
 
 

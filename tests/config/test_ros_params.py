@@ -141,8 +141,8 @@ def test_a_documented_example_loads_as_our_own_form(tmp_path, text):
 def test_a_plugin_outside_of_mujoco_plugins_is_taken_with_a_warning(params):
     loaded = params(LIDAR)
     assert [str(warning) for warning in loaded.warnings] == [
-        "params.yaml:3:7: warning: the plugin 'mujoco_3d_lidar_plugin' belongs under `mujoco_plugins:`, "
-        "where mujoco_ros2_control looks for it\n"
+        "params.yaml:3:7: warning: the plugin 'mujoco_3d_lidar_plugin' should be under `mujoco_plugins:`, "
+        "because mujoco_ros2_control reads it there\n"
         "    3 |       mujoco_3d_lidar_plugin:\n"
         "      |       ^"
     ]
@@ -164,11 +164,12 @@ def test_parameters_of_other_software_are_ignored(params):
 
 def test_use_sim_time_false_gets_a_warning_and_text_an_error(params):
     assert [str(warning) for warning in params(HEARTBEAT + "    use_sim_time: false\n").warnings] == [
-        "params.yaml:7:19: warning: use_sim_time: false has no effect; the simulation is where the time comes from\n"
+        "params.yaml:7:19: warning: use_sim_time: false has no effect, because the server publishes the simulated "
+        "time\n"
         "    7 |     use_sim_time: false\n"
         "      |                   ^"
     ]
-    with pytest.raises(ConfigError, match=r"params\.yaml:7:19: error: use_sim_time should be true or false"):
+    with pytest.raises(ConfigError, match=r"params\.yaml:7:19: error: use_sim_time must be true or false"):
         params(HEARTBEAT + "    use_sim_time: 'true'\n")
 
 
@@ -254,7 +255,7 @@ def refusal(params, text, *sets, model="m.xml"):
 
 def test_a_ros_file_alone_has_no_model(params):
     assert refusal(params, HEARTBEAT, model=None) == (
-        "params.yaml: error: no model: a ROS parameter file names none; give --model FILE"
+        "params.yaml: error: no model: a ROS parameter file contains no model; give --model FILE"
     )
 
 
@@ -268,7 +269,7 @@ def test_an_entry_without_a_type_is_an_error_in_the_ros_file(params):
 
 def test_a_file_for_other_nodes_says_so(params):
     assert refusal(params, HEARTBEAT.replace("/**", "/robot1/sim")) == (
-        "params.yaml:1:1: error: no section with mujoco_plugins is for the node '/mjplug'; "
+        "params.yaml:1:1: error: no section with mujoco_plugins applies to the node '/mjplug'; "
         "this file has them for '/robot1/sim'\n"
         "    1 | /robot1/sim:\n"
         "      | ^ set `node_name: sim`, or write '/**' here"
@@ -285,10 +286,10 @@ def test_a_file_without_plugins_is_only_worth_a_warning(params):
 
 def test_what_is_no_section_is_an_error(params):
     assert refusal(params, HEARTBEAT + "model: a.xml\nb: {ros__parameters: 3}\n") == (
-        "params.yaml:7:1: error: 'model' is no section of a ROS parameter file: it has no ros__parameters\n"
+        "params.yaml:7:1: error: 'model' is not a section of a ROS parameter file, because it has no ros__parameters\n"
         "    7 | model: a.xml\n"
-        "      | ^ a ROS file in `ros_params` of a configuration file can be used together with other settings\n"
-        "params.yaml:8:22: error: ros__parameters should be a mapping of parameters\n"
+        "      | ^ for other settings, write a configuration file that lists this file in `ros_params`\n"
+        "params.yaml:8:22: error: ros__parameters must be a mapping of parameters\n"
         "    8 | b: {ros__parameters: 3}\n"
         "      |                      ^"
     )
