@@ -64,7 +64,7 @@ CONFIGURATIONS = {
             "config.yaml:8:16: error: plugins.mine.type: plugin 'nowhere:Class': cannot import 'nowhere'",
             "config.yaml:9:16: error: plugins.json.type: plugin 'json:JSONDecoder': "
             "json:JSONDecoder is not a subclass of mjplug.plugin.Plugin\n",
-            "config.yaml:10:16: error: plugins.none.type: plugin 'json:Nothing': module 'json' has no 'Nothing'\n",
+            "config.yaml:10:16: error: plugins.none.type: plugin 'json:Nothing': module 'json' contains no 'Nothing'\n",
         ],
         {
             "config.yaml": "# comment\nmodel: bundled:box\nsim: {speed: -1.0, paused: maybe}\nplugins:\n"

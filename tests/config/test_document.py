@@ -151,7 +151,7 @@ def test_a_syntax_error_shows_its_line(text, message):
     "text", ["[" * 65 + "]" * 65, "[" * 200_000, "- " * 65, "&a [*a]", "&a {<<: *a}", "{a: " * 100_000]
 )
 def test_absurd_nesting_is_refused(text):
-    assert "error: nested deeper than 64 levels" in refusal(text).partition("\n")[0]
+    assert "error: the file is nested deeper than 64 levels" in refusal(text).partition("\n")[0]
 
 
 def test_sixty_four_levels_are_fine():

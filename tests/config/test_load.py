@@ -48,7 +48,7 @@ ros_params: [no.yaml]
         "      | ^ did you mean 'model'?\n"
         "c.yaml:2:12: error: node_name: Input should be text, not true\n"
         "    2 | node_name: on\n"
-        '      |            ^ to mean text, write "on" with the quotes\n'
+        '      |            ^ for text, write "on" with the quotes\n'
         "c.yaml:4:10: error: sim.speed: Input should be a number or 'max', not 'fast'\n"
         "    4 |   speed: fast\n"
         "      |          ^\n"
@@ -274,7 +274,7 @@ plugins:
         "      |                 ^\n"
         "c.yaml:8:30: error: plugins.cam.shapes[1].frame_name: Input should be text, not 2\n"
         "    8 |     shapes: [1, {frame_name: 2}, x]\n"
-        '      |                              ^ to mean text, write "2" with the quotes\n'
+        '      |                              ^ for text, write "2" with the quotes\n'
         "c.yaml:8:34: error: plugins.cam.shapes[2]: Input should be a mapping or a whole number, not 'x'\n"
         "    8 |     shapes: [1, {frame_name: 2}, x]\n"
         "      |                                  ^\n"

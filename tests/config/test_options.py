@@ -92,11 +92,10 @@ def test_wrong_options_say_which_they_are(config):
         "environment MJPLUG_SIM_SPEED: error: there is no setting with this name; did you mean 'MJPLUG_SIM__SPEED'?",
         "--set foo: error: it is not path=value; write for example sim.speed=2",
         "--set =1: error: it is not path=value; write for example sim.speed=2",
-        "--set model.x=1: error: model is 'scene.xml', it has no 'x'",
-        "--set zenoh.listen.1=tcp/a:1: error: zenoh.listen is a list, it has no '1'",
+        "--set model.x=1: error: model is 'scene.xml'; it cannot contain 'x'",
+        "--set zenoh.listen.1=tcp/a:1: error: zenoh.listen is a list; it cannot contain '1'",
         "--set ros2.domain_id=[1: error: YAML syntax: did not find expected ',' or ']' while parsing a flow sequence",
-        "--set node_name=on: error: node_name: Input should be text, not true; "
-        'to mean text, write "on" with the quotes',
+        '--set node_name=on: error: node_name: Input should be text, not true; for text, write "on" with the quotes',
         "--set sim.speed=-1: error: sim.speed: Input should be greater than or equal to 0.001 or 'max', not -1",
         "environment MJPLUG_SIM__PAUSED: error: sim.paused: Input should be true or false, not 'maybe'",
         "--set sim.seed='2': error: sim.seed: Input should be a whole number, not '2'; leave out the quotes",
@@ -129,4 +128,4 @@ def test_the_keys_of_an_entry_are_checked_together_with_the_rest(config):
     text = "model: a\nplugins:\n  a: {type: heartbeat, namespace: 9a, frame_prefix: /b, rate: 1}\n"
     told = refusal(config, text)
     assert "plugins.a.namespace: '9a' is not a valid ROS namespace" in told
-    assert "plugins.a.frame_prefix: a frame prefix has no spaces" in told
+    assert "plugins.a.frame_prefix: a frame prefix must not contain spaces" in told

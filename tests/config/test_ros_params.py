@@ -270,7 +270,7 @@ def test_an_entry_without_a_type_is_an_error_in_the_ros_file(params):
 def test_a_file_for_other_nodes_says_so(params):
     assert refusal(params, HEARTBEAT.replace("/**", "/robot1/sim")) == (
         "params.yaml:1:1: error: no section with mujoco_plugins applies to the node '/mjplug'; "
-        "this file has them for '/robot1/sim'\n"
+        "this file has sections for '/robot1/sim'\n"
         "    1 | /robot1/sim:\n"
         "      | ^ set `node_name: sim`, or write '/**' here"
     )
@@ -279,7 +279,7 @@ def test_a_file_for_other_nodes_says_so(params):
 def test_a_file_without_plugins_is_only_worth_a_warning(params):
     loaded = params("controller_manager: {ros__parameters: {update_rate: 100}}")
     assert [str(warning) for warning in loaded.warnings] == [
-        "params.yaml: warning: has no mujoco_plugins, so it adds no plugin"
+        "params.yaml: warning: the file has no mujoco_plugins, so it adds no plugin"
     ]
     assert params("/**: {ros__parameters: {mujoco_plugins: }}").warnings == ()
 

@@ -209,7 +209,7 @@ def test_the_frames_of_cameras_get_the_prefix(start):
 
 @pytest.mark.parametrize("prefix", ["/a", "a b", "{node}/", "a{", "a\n"])
 def test_a_bad_prefix_is_refused(prefix):
-    with pytest.raises(ValueError, match="a frame prefix has no spaces"):
+    with pytest.raises(ValueError, match="a frame prefix must not contain spaces"):
         Settings(model="?", frame_prefix=prefix)
 
 
