@@ -1,1 +1,1 @@
-"""Ratios measured side by side in one run; `make bench` prints them and writes docs/benchmarks.md."""
+"""Performance ratios measured in one run; `make bench` prints them and writes docs/benchmarks.md."""

@@ -39,7 +39,7 @@ def _table(results: list[Result]) -> str:
 
 
 def main() -> int:
-    """Measures; returns 0 whether or not the goals are met, since a noisy machine is no failure."""
+    """Runs all measurements; returns 0 even if a goal is missed, because the machine may be busy."""
     results: list[Result] = []
     for part in (steps, publication, rmw_zenoh, free_joints, joints, lidar, camera, camera_busy, round_trip, lateness):
         print(f"measuring {part.__name__.removeprefix('benchmarks.')} ...", file=sys.stderr, flush=True)

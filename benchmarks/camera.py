@@ -1,4 +1,4 @@
-"""What cameras cost: images a second against bare MuJoCo calls, and how late physics is beside a camera."""
+"""Image rate compared with plain MuJoCo calls, and lateness of physics while a camera renders."""
 
 import logging
 import multiprocessing
@@ -37,34 +37,36 @@ FRAMES = 0.5
 """Wall time of one measurement of images [s]."""
 
 SECONDS, PERIOD, RATE = 4.0, 0.001, 30.0
-"""How long physics runs in one measurement [s], its step [s], and the camera's images a second [Hz]."""
+"""Duration of one measurement [s], physics time step [s], and image rate of the camera [Hz]."""
 
 TOPICS = ("color", "depth", "camera_info")
 
 
 def results() -> list[Result]:
-    """Drawing first, in a process of its own as in the server; then physics beside it."""
-    # Read when MuJoCo is imported, so it takes a new process.
+    """Measures rendering in a separate process, as in the server, then physics while a camera renders."""
+    # MuJoCo reads the variable when it is imported, so a new process is needed.
     os.environ[BACKEND_VARIABLE] = os.environ.setdefault("MUJOCO_GL", "egl")
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        drawn = [result for uri in ("bundled:arm", "bundled:quadruped") for result in pool.submit(_drawn, uri).result()]
-    return [*drawn, *_beside_physics("bundled:arm")]
+        rendered = [
+            result for uri in ("bundled:arm", "bundled:quadruped") for result in pool.submit(_rendered, uri).result()
+        ]
+    return [*rendered, *_beside_physics("bundled:arm")]
 
 
-def _drawn(uri: str) -> list[Result]:
+def _rendered(uri: str) -> list[Result]:
     kinds: list[tuple[str, Callable[[str], Any], str]] = [
         ("a bare loop of mjr_render and mjr_readPixels", _Bare, ">= 0.85"),
         ("mujoco.Renderer with its defaults", _Renderer, ">= 4"),
     ]
     ours, name = _Ours(uri), uri.partition(":")[2]
-    found = []
+    rows = []
     for other_name, kind, goal in kinds:
         other = kind(uri)
         what = f"images/s, {name}, 640x480 colour and depth, against {other_name}"
-        found.append(pairs(what, lambda: _rate(ours), lambda other=other: _rate(other), goal, "{:.0f}/s", 9))
+        rows.append(pairs(what, lambda: _rate(ours), lambda other=other: _rate(other), goal, "{:.0f}/s", 9))
         other.close()
     ours.close()
-    return found
+    return rows
 
 
 def _rate(drawing: "_Ours | _Bare | _Renderer") -> float:
@@ -78,7 +80,7 @@ def _rate(drawing: "_Ours | _Bare | _Renderer") -> float:
 
 
 class _Scenes:
-    """A model in two states in turn, so that every image is another: cameras and what they see have moved."""
+    """A model that alternates between two states, so that consecutive images differ."""
 
     def __init__(self, uri: str) -> None:
         self.model = model_of(uri)
@@ -98,7 +100,7 @@ class _Scenes:
 
 
 class _Ours:
-    """The camera's work, up to the wire."""
+    """The work of the camera plugin, without the network."""
 
     def __init__(self, uri: str) -> None:
         self._scenes = _Scenes(uri)
@@ -112,7 +114,7 @@ class _Ours:
         self._job = Job(0, 0, frozenset([stream_task(name)]))
 
     def begin(self) -> None:
-        """Every job makes the context current by itself."""
+        """Does nothing: every job makes the context current."""
 
     def draw(self) -> None:
         self._work.perform(self._scenes.next, self._job)
@@ -122,7 +124,7 @@ class _Ours:
 
 
 class _Bare:
-    """The fewest calls that give colour and depth, with the visual settings of `quality: fast`."""
+    """The minimal MuJoCo calls for colour and depth, with the visual settings of `quality: fast`."""
 
     def __init__(self, uri: str) -> None:
         self._scenes = _Scenes(uri)
@@ -161,7 +163,7 @@ class _Bare:
 
 
 class _Renderer:
-    """What MuJoCo's tutorial does."""
+    """`mujoco.Renderer`, as in MuJoCo's tutorial."""
 
     def __init__(self, uri: str) -> None:
         self._scenes = _Scenes(uri)
@@ -171,7 +173,7 @@ class _Renderer:
         self._renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
 
     def begin(self) -> None:
-        """It makes its context current by itself."""
+        """Does nothing: the renderer makes its context current."""
 
     def draw(self) -> None:
         self._renderer.update_scene(self._scenes.next, camera=0)
@@ -185,7 +187,7 @@ class _Renderer:
 
 
 def _beside_physics(uri: str) -> list[Result]:
-    """Lateness and real-time factor of 1 kHz physics, with a camera that a client in another process listens to."""
+    """Lateness and real-time factor of 1 kHz physics, with a camera that another process subscribes to."""
     factors: list[float] = []
     images: list[int] = []
     with served(uri) as (server, endpoint), Listener(endpoint) as listener:
@@ -203,7 +205,7 @@ def _beside_physics(uri: str) -> list[Result]:
 
         what = "p99 lateness of a step at 1 kHz with a 30 Hz 640x480 camera, against no subscriber (5 x 4 s)"
         late = pairs(what, lambda: run(True), lambda: run(False), "<= 3", "{:.0f} µs", repeats=5)
-    # The first turn is that in which the process starts.
+    # The worker process starts in the first turn.
     what = "real-time factor at 1 kHz with a 30 Hz 640x480 camera"
     factor, rate = float(np.median(factors[1:])), float(np.median(images[1:])) / len(TOPICS) / SECONDS
     received = f"{rate:.1f} images/s received"
@@ -211,7 +213,7 @@ def _beside_physics(uri: str) -> list[Result]:
 
 
 def run_for_a_while(server: Server, late: list[float]) -> float:
-    """Runs for a while in real time; returns the real-time factor."""
+    """Runs physics in real time for `SECONDS`; returns the real-time factor."""
     loop = server.loop
     first = loop.simulation.step
     steps = round(SECONDS / PERIOD)
@@ -230,7 +232,7 @@ def run_for_a_while(server: Server, late: list[float]) -> float:
 
 @contextmanager
 def served(uri: str) -> Iterator[tuple[Server, str]]:
-    """A server with a camera of a model, in this process, and its endpoint."""
+    """Starts a server with the cameras of a model in this process; yields the server and its endpoint."""
     model = model_of(uri)
     model.opt.timestep = PERIOD
     settings = Settings.model_validate({"model": uri, "sim": {"speed": 1.0}})
@@ -245,7 +247,7 @@ def served(uri: str) -> Iterator[tuple[Server, str]]:
 
 
 class Listener:
-    """A client in another process, that listens when told to."""
+    """A client in another process that subscribes between `begin` and `end`."""
 
     def __init__(self, endpoint: str) -> None:
         command = [sys.executable, "-m", "benchmarks.camera", endpoint]
@@ -258,11 +260,11 @@ class Listener:
         self._process.communicate()
 
     def begin(self) -> None:
-        """Begins to count messages."""
+        """Subscribes and counts messages."""
         self._ask()
 
     def end(self) -> int:
-        """Returns how many messages came."""
+        """Unsubscribes and returns the number of received messages."""
         return int(self._ask())
 
     def _ask(self) -> str:
@@ -274,7 +276,7 @@ class Listener:
 
 
 def _listen(endpoint: str) -> None:
-    """What that process does: each line that it reads lets it begin or end."""
+    """The program of the other process: each line on standard input starts or ends the subscription."""
     with client(endpoint) as session:
         while sys.stdin.readline():
             messages: list[int] = []

@@ -1,4 +1,4 @@
-"""A camera beside two busy programs: images a second, and how late physics becomes."""
+"""A camera beside two busy programs: image rate, and lateness of physics."""
 
 import statistics
 import subprocess
@@ -14,7 +14,7 @@ PROGRAMS, REPEATS = 2, 5
 
 
 def results() -> list[Result]:
-    """Physics with and without somebody who listens to the camera, in turn, while two programs use all they can get."""
+    """Alternates physics with and without a camera subscriber, while two programs use all processor time."""
     images: list[int] = []
     with served("bundled:arm") as (server, endpoint), Listener(endpoint) as listener:
 
@@ -28,7 +28,7 @@ def results() -> list[Result]:
 
             return p99_in_thread(work)
 
-        # The process starts in it.
+        # The worker process starts in this turn.
         measure(True)
         images.clear()
         with _busy_programs():

@@ -1,4 +1,4 @@
-"""What a work publishes to when its cost is measured without a network."""
+"""A publisher that replaces the network in measurements."""
 
 import zenoh
 
@@ -13,13 +13,13 @@ class FramePublisher:
         self.matched = matched
 
     def publish(self, message: Message) -> None:
-        """Is for what is small, which a measured work is not to publish.
+        """Refuses messages that are not prepared frames, because the measured code must publish frames.
 
         Raises:
             TypeError: Always.
         """
-        raise TypeError(f"a {message.TYPE} was built where a frame was to be measured")
+        raise TypeError(f"expected a frame, got a {message.TYPE} message")
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        """Copies it."""
+        """Copies the frame."""
         self.payload = zenoh.ZBytes(frame.buffer)

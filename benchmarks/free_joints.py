@@ -1,4 +1,4 @@
-"""What publishing the states of 100 free bodies costs the physics thread."""
+"""Time that publishing the states of 100 free bodies takes on the physics thread."""
 
 from collections.abc import Callable
 from time import perf_counter, sleep
@@ -22,13 +22,13 @@ from mjplug_plugins.free_joint_state_publisher import FreeJointStatePublisher, F
 BODIES, BURST, BURSTS = 100, 50, 40
 
 PAUSE = 0.01
-"""Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
+"""Pause after a burst [s], not measured: waiting for a full queue would measure the network."""
 
 TOPIC = "/free_joint_states"
 
 
 def results() -> list[Result]:
-    """What the plugin itself does, kinematics included, and all of it with one subscriber in another process."""
+    """Measures the plugin with kinematics, without network and with one subscriber in another process."""
     what = f"publish the states of {BODIES} free bodies"
     alone, _ = _start(OfflineTransport())
     results = [figure(f"{what}, up to the wire", alone, "<= 10", "{:.2f} µs")]
@@ -39,7 +39,7 @@ def results() -> list[Result]:
 
 
 def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
-    """Starts the plugin; returns what measures one message [µs], and its publisher."""
+    """Starts the plugin; returns a function that measures one message [µs], and its publisher."""
     bodies = "".join(f'<body name="body_{i}" pos="{i} 0 1"><freejoint/><geom size=".1"/></body>' for i in range(BODIES))
     simulation = Simulation(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"))
     simulation.data.qvel[:] = np.random.default_rng(0).normal(size=simulation.model.nv)
@@ -47,8 +47,8 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
     FreeJointStatePublisher().init(host, FreeJointStatePublisherParameters(topic=TOPIC, publish_rate=1000.0))
 
     def publish() -> float:
-        # Every message on its own, so that what the machine does besides stays out of the median.
-        taken = []
+        # Every message is timed separately, so that other activity on the machine does not change the median.
+        durations = []
         for k in range(BURSTS * BURST):
             if k % BURST == 0:
                 sleep(PAUSE)
@@ -56,7 +56,7 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
             simulation.positions_changed()
             began = perf_counter()
             host.callback()
-            taken.append(perf_counter() - began)
-        return float(np.median(taken)) * 1e6
+            durations.append(perf_counter() - began)
+        return float(np.median(durations)) * 1e6
 
     return publish, host.publisher

@@ -1,4 +1,4 @@
-"""What 30 joints cost the physics thread: their states as messages at 1 kHz, and PIDs that hold them at every step."""
+"""Time that 30 joints take on the physics thread: state messages at 1 kHz, and PIDs at every step."""
 
 from collections.abc import Callable
 from time import perf_counter, sleep
@@ -23,16 +23,16 @@ from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
 
 DAY = Duration(sec=86_400)
-"""Longer than any measurement: the trajectory does not end before it."""
+"""Duration of the trajectory; longer than any measurement."""
 
 JOINTS, BURST, BURSTS, STEPS = 30, 50, 40, 4000
 
 PAUSE = 0.002
-"""Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
+"""Pause after a burst [s], not measured: waiting for a full queue would measure the network."""
 
 
 class _Transport(OfflineTransport):
-    """Nobody listens, and commands come by hand."""
+    """A transport without subscribers, to which commands are delivered directly."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,23 +43,31 @@ class _Transport(OfflineTransport):
 
 
 def results() -> list[Result]:
-    """States up to the wire and beyond; steps with PIDs, and with states that nobody listens to, against bare ones."""
+    """Measures state messages without and with network, and steps with PIDs and unsubscribed states."""
     what = f"JointStatePublisher, {JOINTS} joints"
     alone, _ = _publishing(OfflineTransport())
-    found = [figure(f"{what}: a message, up to the wire", alone, "<= 5", "{:.2f} µs")]
+    rows = [figure(f"{what}: a message, up to the wire", alone, "<= 5", "{:.2f} µs")]
     with network() as opened:
         publish, publisher = _publishing(opened)
         with listening(opened.session.endpoint, "joint_states", publisher):
-            found.append(figure(f"{what}: a message, one subscriber", publish, "<= 5", "{:.2f} µs"))
-    unheard, bare = _steps(states=True), _steps()
-    found.append(pairs(f"{what} at 1 kHz, unsubscribed: a step, against none", unheard, bare, "<= 1.02", "{:.2f} µs"))
+            rows.append(figure(f"{what}: a message, one subscriber", publish, "<= 5", "{:.2f} µs"))
+    unsubscribed, bare = _steps(states=True), _steps()
+    rows.append(
+        pairs(
+            f"{what} at 1 kHz, unsubscribed: a step, against none",
+            unsubscribed,
+            bare,
+            "<= 1.02",
+            "{:.2f} µs",
+        )
+    )
     idle, pid = _steps(commands=True), _steps(commands=True, holding=True)
-    found.append(pairs("JointCommands without PIDs: a step, against none", idle, bare, "<= 1.02", "{:.2f} µs"))
-    found.append(figure(f"JointCommands, {JOINTS} PIDs: added to a step", lambda: pid() - bare(), "<= 20", "{:.2f} µs"))
+    rows.append(pairs("JointCommands without PIDs: a step, against none", idle, bare, "<= 1.02", "{:.2f} µs"))
+    rows.append(figure(f"JointCommands, {JOINTS} PIDs: added to a step", lambda: pid() - bare(), "<= 20", "{:.2f} µs"))
     moving = _steps(commands=True, moving=True)
     what = f"JointCommands, a trajectory of {JOINTS} PIDs: added to a step"
-    found.append(figure(what, lambda: moving() - pid(), "<= 30", "{:.2f} µs"))
-    return found
+    rows.append(figure(what, lambda: moving() - pid(), "<= 30", "{:.2f} µs"))
+    return rows
 
 
 def _model() -> mujoco.MjModel:
@@ -82,7 +90,7 @@ def _host(transport: Transport) -> tuple[TimedHost, Loop]:
 
 
 def _publishing(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
-    """Starts the plugin; returns what measures one message [µs], and its publisher."""
+    """Starts the plugin; returns a function that measures one message [µs], and its publisher."""
     host, _ = _host(transport)
     JointStatePublisher().init(host, JointStatePublisher.parameters_type(rate=1000.0))
 

@@ -1,4 +1,4 @@
-"""How late steps are at 1 kHz in real time, against a bare sleep loop that steps the same model."""
+"""Lateness of steps at 1 kHz in real time, compared with a sleep loop that steps the same model."""
 
 import threading
 from collections.abc import Callable
@@ -15,7 +15,7 @@ SECONDS, PERIOD = 2.0, 0.001
 
 
 def p99_in_thread(work: Callable[[list[float]], None]) -> float:
-    """Runs in a thread with the server's settings; returns the 99th percentile of the lateness [µs]."""
+    """Runs `work` in a thread with the server's settings; returns the 99th percentile of the lateness [µs]."""
     late: list[float] = []
 
     def run() -> None:
@@ -51,6 +51,6 @@ def _bare(late: list[float]) -> None:
 
 
 def results() -> list[Result]:
-    """Five times two seconds of each, in turn."""
+    """Measures both alternately, five times two seconds each."""
     what = "p99 lateness of a step at 1 kHz in real time (5 x 2 s), against a bare sleep loop"
     return [pairs(what, lambda: p99_in_thread(_served), lambda: p99_in_thread(_bare), "<= 2", "{:.0f} µs", repeats=5)]

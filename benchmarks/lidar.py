@@ -1,4 +1,4 @@
-"""How many lidar rays are cast, and published up to the wire, against a bare loop of MuJoCo's own call."""
+"""Lidar rays per second, with messages but without the network, compared with a loop of MuJoCo's own call."""
 
 import logging
 from collections.abc import Callable
@@ -23,7 +23,7 @@ SECONDS = 0.3
 
 
 def results() -> list[Result]:
-    """A cloud of 65,536 points, encoding and the copy for the wire included; and a scan."""
+    """Measures a cloud of 65,536 points and a scan, including encoding and the copy for Zenoh."""
     room, crowd = _scene(30, 0), _scene(40, 60)
     cloud = f"{COLUMNS} x {ROWS} cloud"
     return [
@@ -62,7 +62,7 @@ def _compared(what: str, model: mujoco.MjModel, rows: int, threads: int, goal: s
 
 
 def _bare(model: mujoco.MjModel, data: mujoco.MjData, settings: Settings) -> Callable[[], float]:
-    """Returns what measures MuJoCo's call alone, with rays that are turned once and for all."""
+    """Returns a function that measures MuJoCo's call alone, with rays that are rotated only once."""
     rays = (directions(settings) @ data.site("eye").xmat.reshape(3, 3).T).reshape(-1)
     count = len(rays) // 3
     distances, geoms = np.empty(count), np.empty(count, np.int32)
@@ -85,7 +85,7 @@ def _rate(rays: int, scan: Callable[[], object]) -> float:
 
 
 def _scene(static: int, bodies: int) -> mujoco.MjModel:
-    """Floor, walls, and shapes around a lidar on a robot."""
+    """Returns a model with floor, walls, and shapes around a lidar on a robot."""
     random = np.random.default_rng(0)
     kinds = ["box", "sphere", "capsule", "cylinder", "ellipsoid"]
 

@@ -1,4 +1,4 @@
-"""A subscriber in a process of its own: what a message costs when somebody listens."""
+"""A subscriber in a separate process, for measurements with a matched publisher."""
 
 import subprocess
 import sys
@@ -9,8 +9,8 @@ from typing import Any
 
 from mjplug.contracts.transport import Publisher
 
-PATIENCE = 10.0
-"""How long the process may take to start [s]."""
+START_TIMEOUT = 10.0
+"""Timeout for the start of the process [s]."""
 
 _PROGRAM = """
 import json, sys, zenoh
@@ -25,10 +25,10 @@ with zenoh.open(config) as session:
 
 @contextmanager
 def listening(endpoint: str, key: str, publisher: Publisher[Any]) -> Iterator[None]:
-    """Subscribes to a key until the block ends; begins when the publisher knows of it."""
+    """Subscribes to a key inside the `with` block, which starts when the publisher is matched."""
     process = subprocess.Popen([sys.executable, "-c", _PROGRAM, endpoint, key], stdin=subprocess.PIPE)
     try:
-        deadline = perf_counter() + PATIENCE
+        deadline = perf_counter() + START_TIMEOUT
         while not publisher.matched:
             assert perf_counter() < deadline
             sleep(0.01)

@@ -1,4 +1,4 @@
-"""Medians with their spread, of pairs measured in turn, so that a drifting machine still gives a fair ratio."""
+"""Medians and ranges of pairs that are measured alternately, so that ratios do not depend on the machine's speed."""
 
 import statistics
 from collections.abc import Callable
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Result:
-    """One line of the table.
+    """One row of the table.
 
     Attributes:
-        what: What was measured.
-        ours: Median of ours, with its unit.
-        other: Median of what it is compared with, with its unit; empty if there is nothing to compare with.
-        ratio: Median of ours divided by the other, pair by pair; for a plain figure the figure itself.
-        low: Smallest ratio seen.
-        high: Largest ratio seen.
-        goal: What the ratio should be, such as `>= 0.95`.
+        what: Name of the measurement.
+        ours: Median of mjplug, with its unit.
+        other: Median of the reference, with its unit; empty without a reference.
+        ratio: Median of the ratios of the pairs; without a reference, the measured value.
+        low: Smallest ratio.
+        high: Largest ratio.
+        goal: Goal for the ratio, such as `>= 0.95`.
     """
 
     what: str
@@ -29,7 +29,7 @@ class Result:
 
     @property
     def met(self) -> bool:
-        """Whether the median keeps to the goal."""
+        """Whether the median reaches the goal."""
         sign, limit = self.goal.split()[:2]
         return self.ratio >= float(limit) if sign == ">=" else self.ratio <= float(limit)
 
@@ -42,15 +42,15 @@ def pairs(
     unit: str,
     repeats: int = 7,
 ) -> Result:
-    """Measures two things in turn, after one unmeasured turn of each, and returns their ratio.
+    """Measures two functions alternately, after one warm-up of each, and returns their ratio.
 
     Args:
-        what: Name of the line.
+        what: Name of the row.
         ours: Returns one measurement.
-        other: Returns one measurement of what it is compared with, in the same unit.
-        goal: What the ratio should be.
+        other: Returns one measurement of the reference, in the same unit.
+        goal: Goal for the ratio.
         unit: Format of one measurement, such as `{:.0f} steps/s`.
-        repeats: Counted turns.
+        repeats: Number of pairs.
     """
     ours(), other()
     measured = [(ours(), other()) for _ in range(repeats)]
@@ -61,7 +61,7 @@ def pairs(
 
 
 def figure(what: str, measure: Callable[[], float], goal: str, unit: str, repeats: int = 7) -> Result:
-    """Measures one thing several times."""
+    """Measures one function several times and returns the median."""
     measure()
     values = [measure() for _ in range(repeats)]
     median = statistics.median(values)

@@ -1,4 +1,4 @@
-"""What publishing a 30-joint JointState from a prebuilt frame costs the physics thread."""
+"""Time that publishing a 30-joint JointState from a prepared frame takes on the physics thread."""
 
 from collections.abc import Callable
 from time import perf_counter, sleep
@@ -16,16 +16,16 @@ from mjplug_schemas.sensor_msgs import JointState
 JOINTS, BURST, BURSTS = 30, 50, 40
 
 PAUSE = 0.002
-"""Time for a burst to leave [s], not counted: a put that waits for a full queue would measure the network."""
+"""Pause after a burst [s], not measured: waiting for a full queue would measure the network."""
 
 
 def results() -> list[Result]:
-    """With one subscriber in another process; the writes, the stamp and the put are all counted."""
+    """Measures writing the values, the stamp and the put, with one subscriber in another process."""
     zeros = [0.0] * JOINTS
     names = [f"joint_{i}" for i in range(JOINTS)]
     frame = CdrFrame(JointState(name=names, position=zeros, velocity=zeros, effort=zeros))
     position, velocity, effort = (frame.view(part) for part in ("position", "velocity", "effort"))
-    # As in mjData: a free joint first, then the robot's joints in one piece.
+    # The same layout as in mjData: a free joint, then the joints of the robot.
     qpos, qvel, force = (np.random.default_rng(i).normal(size=JOINTS + 7)[7:] for i in range(3))
     with network() as opened:
         publisher = opened.open_publisher(Topic("/joint_states", JointState, QoS()))

@@ -1,4 +1,4 @@
-"""What it costs that ROS 2 nodes on rmw_zenoh see the server too, and how soon a late one gets a latched message."""
+"""Cost of the rmw_zenoh interfaces for ROS 2 nodes, and delay of a latched message for a late subscriber."""
 
 import queue
 import statistics
@@ -31,7 +31,7 @@ from mjplug_schemas.std_msgs import String
 ROS = RosSettings()
 
 MESSAGES, BURST, TURNS = 4000, 25, 7
-"""Messages of each kind in one turn, after how many there is a pause, and turns."""
+"""Messages of each kind in one turn, messages between two pauses, and number of turns."""
 
 _SUBSCRIBERS = """
 import json, sys, zenoh
@@ -50,7 +50,7 @@ Send = Callable[[], None]
 
 @dataclass(frozen=True)
 class _Size:
-    """A kind of message: its name, its type, and what makes a function that builds and publishes one."""
+    """A kind of message: its name, its type, and a factory of the function that builds and publishes it."""
 
     what: str
     type: Any
@@ -85,35 +85,35 @@ SIZES = (_Size("a heartbeat", String, _heartbeat), _Size("a 30-joint JointState"
 
 
 def results() -> list[Result]:
-    """One message of each kind in turn; each session that listens has a link of its own."""
-    return [_for_nobody(), *(row for size in SIZES for row in _for_somebody(size)), _late_joiner()]
+    """Measures messages of each kind alternately; each subscriber uses a separate session."""
+    return [_without_subscribers(), *(row for size in SIZES for row in _with_subscribers(size)), _late_joiner()]
 
 
-def _for_nobody() -> Result:
+def _without_subscribers() -> Result:
     topic = Topic("/mujoco_heartbeat", String, QoS())
     message = String(data="for nobody")
     with network() as plain, network(ROS) as both:
         sends = [partial(opened.open_publisher(topic).publish, message) for opened in (plain, both)]
 
         def extra() -> float:
-            without, with_ros = _in_turn(sends)
+            without, with_ros = _alternate(sends)
             return statistics.median(with_ros) - statistics.median(without)
 
         what = "extra for a message without a subscriber, with ROS 2 on against off"
         return figure(what, extra, "<= 0.3", "{:.3f} µs", TURNS)
 
 
-def _for_somebody(size: _Size) -> Iterator[Result]:
+def _with_subscribers(size: _Size) -> Iterator[Result]:
     with network(ROS) as opened, ExitStack() as stack:
         off, one, two = (Topic(name, size.type, QoS()) for name in ("/off", "/one", "/two"))
         publishers = [
-            _listened_to(stack, opened, topic, ros) for topic, ros in ((off, False), (one, False), (two, True))
+            _open_subscribed(stack, opened, topic, ros) for topic, ros in ((off, False), (one, False), (two, True))
         ]
-        # On the same session, since two would differ by more than what is looked for.
+        # The same session, because two sessions differ by more than the measured difference.
         publishers[0] = WirePublisher(off, [writer for writer in publishers[0].writers if not _is_ros(writer)])
         sends = [size.sender(publisher) for publisher in publishers]
-        _in_turn(sends)
-        costs = [[statistics.median(each) for each in _in_turn(sends)] for _ in range(TURNS)]
+        _alternate(sends)
+        costs = [[statistics.median(each) for each in _alternate(sends)] for _ in range(TURNS)]
     extras = [plain - without for without, plain, _ in costs]
     ratios = [both / plain for _, plain, both in costs]
     extra, ratio = statistics.median(extras), statistics.median(ratios)
@@ -146,7 +146,7 @@ def _late_joiner() -> Result:
         def wait() -> float:
             samples: queue.SimpleQueue[object] = queue.SimpleQueue()
             with client(opened.session.endpoint) as session:
-                # A first answer, so that the connection is not counted.
+                # A first query, so that the connection is not measured.
                 list(session.get("mjplug/interfaces"))
                 began = perf_counter()
                 kept = declare_advanced_subscriber(
@@ -170,8 +170,8 @@ def _is_ros(writer: KeyWriter) -> bool:
     return isinstance(writer, LiveRmwWriter)
 
 
-def _listened_to(stack: ExitStack, opened: Network, topic: Topic[Any], ros: bool) -> WirePublisher[Any]:
-    """Opens a publisher, with subscribers in another process."""
+def _open_subscribed(stack: ExitStack, opened: Network, topic: Topic[Any], ros: bool) -> WirePublisher[Any]:
+    """Opens a publisher with subscribers in another process."""
     keys = [topic.name[1:], *([ROS.data_key(topic.name, topic.type)] if ros else [])]
     matched = threading.Semaphore(0)
     publisher = opened.open_publisher(topic, matched.release)
@@ -184,8 +184,8 @@ def _listened_to(stack: ExitStack, opened: Network, topic: Topic[Any], ros: bool
     return publisher
 
 
-def _in_turn(sends: Sequence[Send]) -> list[list[float]]:
-    """Returns what each message costs, for each kind [µs]; the order is turned round each time."""
+def _alternate(sends: Sequence[Send]) -> list[list[float]]:
+    """Returns the duration of each message, for each kind [µs]; the order is reversed each time."""
     measured: list[list[float]] = [[] for _ in sends]
     for message in range(MESSAGES):
         order = range(len(sends)) if message % 2 else reversed(range(len(sends)))

@@ -1,4 +1,4 @@
-"""The round trip of a service request, against a bare Zenoh query; both servers are processes of their own."""
+"""Round trip time of a service request compared with a plain Zenoh query; both servers are separate processes."""
 
 import re
 import subprocess
@@ -34,16 +34,16 @@ with zenoh.open(config) as session:
 
 @contextmanager
 def _process(*command: str) -> Iterator[str]:
-    """Runs a server until the end of the block, and gives its endpoint."""
+    """Runs a server inside the `with` block and yields its endpoint."""
     process = subprocess.Popen(
         [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     )
     assert process.stdout is not None
     try:
         line = next((text for text in process.stdout if "ready" in text), "")
-        found = re.search(r"tcp/\S+:\d+", line)
-        assert found, f"no endpoint in {line!r}"
-        yield found[0]
+        match = re.search(r"tcp/\S+:\d+", line)
+        assert match, f"no endpoint in {line!r}"
+        yield match[0]
     finally:
         process.terminate()
         process.wait(10)
@@ -60,7 +60,7 @@ def _round_trip(session: zenoh.Session, key: str, payload: bytes) -> float:
 
 
 def results() -> list[Result]:
-    """`set_pause` on a server that runs in real time."""
+    """Measures `set_pause` on a server that runs in real time."""
     request = SetPause.Request(paused=False).to_cdr()
     answer = SetPause.Response(success=True, message="the simulation is already running").to_cdr()
     free = "tcp/127.0.0.1:0"

@@ -1,4 +1,4 @@
-"""Steps per second of the whole server at speed max, against a bare loop of `mj_step(nstep=100)`."""
+"""Steps per second of a complete server at maximum speed, compared with a loop of `mj_step(nstep=100)`."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,11 +19,11 @@ BASE = "base_link"
 """The body of both models that has the free joint."""
 
 SECONDS, REPEATS = 0.1, 31
-"""Wall time of one measurement, about [s]: short, so that both of a pair meet the same weather; and how many pairs."""
+"""Approximate wall time of one measurement [s], short so that both of a pair run at the same speed; number of pairs."""
 
 
 class _Call:
-    """A request without a client; the first answer must be a success."""
+    """A request without a client; the first response must be a success."""
 
     def __init__(self, request: ApplyExternalWrench.Request) -> None:
         self.request, self.parameters, self.answered = request, {"wait": "false"}, False
@@ -37,7 +37,7 @@ class _Call:
 
 
 def _tiny_wrench(body: str) -> _Call:
-    """A wrench too weak to change what the model does, for longer than the measurement."""
+    """Returns a wrench that is too weak to affect the model and lasts longer than the measurement."""
     message = ExternalWrenchMsg(
         wrench=WrenchStamped(header=Header(frame_id=body), wrench=Wrench(force=Vector3(x=1e-9))),
         duration=Duration(sec=100_000),
@@ -49,7 +49,7 @@ def _tiny_wrench(body: str) -> _Call:
 def _served(
     uri: str, steps: int, plugins: Sequence[Selected], prepare: Callable[[Server], None]
 ) -> Iterator[Callable[[], float]]:
-    """Gives a function that takes `steps` steps with a whole server and returns how many it takes a second."""
+    """Yields a function that runs `steps` steps with a complete server and returns the steps per second."""
     with server(uri, plugins=plugins) as (served, _):
         prepare(served)
         loop = served.loop
@@ -71,17 +71,17 @@ def _nothing(served: Server) -> None:
 
 
 def _push(served: Server) -> None:
-    # The plugin's handler, without a client.
+    # Calls the plugin's handler without a client.
     served.loop.serve(_tiny_wrench(BASE), served.plugins["external_wrench"]._apply)
 
 
 def _drive(served: Server) -> None:
-    """So slowly that the model does what it did."""
+    """Drives the base so slowly that the motion of the model does not change."""
     served.plugins["base_velocity"]._handle(Twist(linear=Vector3(x=1e-6), angular=Vector3(z=1e-6)))
 
 
 def results() -> list[Result]:
-    """Two models: idle, with one active wrench, with every plugin there is, with a base that is driven."""
+    """Measures two models: idle, with one active wrench, with all plugins, and with a driven base."""
     every = every_plugin(BASE)
     cases = [
         (PLUGINS, _nothing, "idle", ">= 0.95"),
@@ -89,7 +89,7 @@ def results() -> list[Result]:
         (every, _nothing, f"all {len(every)} plugins, without subscribers", ">= 0.9"),
         (every, _drive, f"all {len(every)} plugins, a driven base", ">= 0.6"),
     ]
-    found = []
+    rows = []
     for uri, word in ((SMALL, "small"), (MIDDLING, "medium")):
         bare = BareLoop(uri)
         steps = int(SECONDS * bare.steps_per_second(5000)) // 100 * 100
@@ -103,5 +103,5 @@ def results() -> list[Result]:
                     "{:,.0f}/s",
                     REPEATS,
                 )
-            found.append(result)
-    return found
+            rows.append(result)
+    return rows

@@ -1,4 +1,4 @@
-"""A host that lets a benchmark call what a plugin's timer would call."""
+"""A host that lets a benchmark call the timer callback of a plugin."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -8,7 +8,7 @@ from mjplug.plugin import Host, Publisher
 
 
 class TimedHost(Host):
-    """Keeps what the plugin's timer would call, and the publisher it depends on, to time them without the steps."""
+    """Stores the timer callback of a plugin and its publisher, to time the callback without the steps."""
 
     callback: Callable[[], None]
     publisher: Publisher[Any]
@@ -19,7 +19,7 @@ class TimedHost(Host):
         callback: Callable[[], None],
         while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
     ) -> Timer:
-        """Keeps both, and makes the timer."""
+        """Stores both and creates the timer."""
         assert while_matched is not None
         assert not isinstance(while_matched, Sequence)
         self.callback, self.publisher = callback, while_matched

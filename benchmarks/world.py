@@ -1,4 +1,4 @@
-"""The servers that are measured: real ones, on a real Zenoh session."""
+"""The measured servers: complete servers on a real Zenoh session."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_plugins.heartbeat import Heartbeat
 
 SMALL, MIDDLING = str(Path(__file__).parent / "small.xml"), "bundled:quadruped"
-"""About 10 and 20 µs a step on a quiet machine."""
+"""Models with about 10 and 20 µs per step on an idle machine."""
 
 PLUGINS = [
     Selected(name, plugin, plugin.parameters_type())
@@ -33,26 +33,26 @@ PLUGINS = [
 
 
 def every_plugin(base: str) -> list[Selected]:
-    """One instance of each plugin of mujoco_ros2_control_plugins, with default parameters; `base` can be driven."""
+    """Returns an instance of each mujoco_ros2_control_plugins plugin, with default parameters; `base` is driven."""
     required = {"base_velocity": {"body": base, "cmd_timeout": float("inf")}}
     points = registry.registered()
     theirs = {point.value for name, point in points.items() if name.startswith("mujoco_ros2_control_plugins/")}
-    found = []
+    plugins = []
     for name, point in points.items():
         if "/" not in name and point.value in theirs:
             plugin = registry.find(name)
-            found.append(Selected(name, plugin, plugin.parameters_type(**required.get(name, {}))))
-    return found
+            plugins.append(Selected(name, plugin, plugin.parameters_type(**required.get(name, {}))))
+    return plugins
 
 
 def model_of(uri: str) -> mujoco.MjModel:
-    """Compiles a model, afresh each time."""
+    """Compiles a model; every call returns a new one."""
     return load_model(uri).model
 
 
 @contextmanager
 def network(ros2: RosSettings | None = None) -> Iterator[Network]:
-    """Opens a session on a free port of this machine; without `ros2`, for plain clients only."""
+    """Opens a session on a free port of this machine; without `ros2`, only for clients without rmw_zenoh."""
     opened = open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/mjplug", ros2=ros2)
     try:
         yield opened
@@ -64,7 +64,7 @@ def network(ros2: RosSettings | None = None) -> Iterator[Network]:
 def server(
     uri: str, speed: float | str = "max", timestep: float | None = None, plugins: Sequence[Selected] = PLUGINS
 ) -> Iterator[tuple[Server, Network]]:
-    """A whole server, by default with Heartbeat and ExternalWrench, in this process."""
+    """Creates a complete server in this process, by default with Heartbeat and ExternalWrench."""
     settings = Settings.model_validate({"model": uri, "sim": {"speed": speed}})
     model = model_of(uri)
     if timestep is not None:
@@ -76,7 +76,7 @@ def server(
 
 @contextmanager
 def client(endpoint: str) -> Iterator[zenoh.Session]:
-    """A Zenoh client."""
+    """Opens a Zenoh client session."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -85,7 +85,7 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
 
 
 class BareLoop:
-    """A bare loop of `mj_step(nstep=100)` on the same model, from the same state."""
+    """A loop of `mj_step(nstep=100)` on the same model, from the same state."""
 
     def __init__(self, uri: str) -> None:
         self._model = model_of(uri)
@@ -94,7 +94,7 @@ class BareLoop:
             mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
 
     def steps_per_second(self, steps: int) -> float:
-        """Goes on for `steps` steps, a multiple of 100."""
+        """Runs `steps` steps, a multiple of 100, and returns the steps per second."""
         began = perf_counter()
         for _ in range(steps // 100):
             mujoco.mj_step(self._model, self._data, nstep=100)
