@@ -1,4 +1,4 @@
-# Every target sets itself up: a machine with Python >= 3.11, git and make needs nothing else.
+# Every target runs `setup` first; it requires only Python >= 3.11, git and make.
 PYTHON ?= python3
 UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 VENV := .venv
@@ -6,7 +6,7 @@ RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 export UV_PROJECT_ENVIRONMENT := $(VENV)
 export UV_PYTHON_DOWNLOADS := never
-# How many processes share the tests, a module at a time: the tests of a module share servers and folders.
+# Number of test processes. Each runs complete modules, because the tests of a module share servers and folders.
 TEST_PROCESSES ?= auto
 
 .PHONY: help setup demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
@@ -16,10 +16,10 @@ FUZZ_SEED ?= 0
 SOAK_SECONDS ?= 1800
 WORKER_KILLS ?= 100
 
-help:          ## Shows this list.
+help:          ## Lists the targets.
 	@grep -E '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ —/'
 
-setup: $(READY) ## Makes .venv, with everything in uv.lock.
+setup: $(READY) ## Creates .venv with the packages in uv.lock.
 
 .uv/bin/uv:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mjplug needs Python 3.11 or later; try: make PYTHON=python3.12 " or 0)'
@@ -31,22 +31,22 @@ $(READY): pyproject.toml uv.lock $(filter .uv/bin/uv,$(UV))
 	@$(UV) sync --quiet --locked --python $(PYTHON)
 	@touch $@
 
-demo: $(READY) ## Serves a model, pushes it from a second process, shows what happened.
+demo: $(READY) ## Serves a model, pushes it from a second process, and prints the motion.
 	@$(RUN)/python examples/run.py 00_push_a_box
 
 serve: $(READY) ## Serves the first example until Ctrl-C.
 	@$(RUN)/mjplug serve examples/00_push_a_box/config.yaml
 
-test: $(READY) ## All tests but the slow ones.
+test: $(READY) ## Runs all tests except the slow ones.
 	@$(RUN)/python -m pytest -m "not slow" -n $(TEST_PROCESSES) --dist loadfile $(TESTS)
 
-test-slow: $(READY) ## The slow tests alone.
+test-slow: $(READY) ## Runs the slow tests.
 	@$(RUN)/python -m pytest -m slow
 
-test-all: $(READY) ## All tests but the slow ones, under each Python from 3.11 that this machine has or can download.
+test-all: $(READY) ## Runs the tests with each Python version from 3.11 that is installed or can be downloaded.
 	@PATH="$(dir $(abspath $(UV))):$$PATH" $(RUN)/python .ci/test_all.py
 
-check: $(READY) typings/mujoco ## Format, lint, types, layers.
+check: $(READY) typings/mujoco ## Checks format, lint rules, types and layers.
 	@$(RUN)/ruff format --check --quiet . || { echo "run: make format"; exit 1; }
 	@$(RUN)/ruff check --quiet .
 	@$(RUN)/mypy
@@ -61,32 +61,32 @@ format: $(READY) ## Formats the code.
 	@$(RUN)/ruff check --quiet --fix-only .
 	@$(RUN)/ruff format --quiet .
 
-bench: $(READY) ## Measures, side by side in one run, and writes docs/benchmarks.md.
+bench: $(READY) ## Runs the benchmarks and writes docs/benchmarks.md.
 	@$(RUN)/python -m benchmarks
 
-fuzz: $(READY) ## Attacks the server with FUZZ_COUNT hostile inputs (FUZZ_SEED chooses others).
+fuzz: $(READY) ## Sends FUZZ_COUNT hostile inputs to a server; FUZZ_SEED selects the inputs.
 	@PYTHONPATH=tests $(RUN)/python -m hostile.fuzz --count $(FUZZ_COUNT) --seed $(FUZZ_SEED)
 
-soak: $(READY) ## Serves under load for SOAK_SECONDS; memory, threads and files must stay flat. Then kills WORKER_KILLS workers.
+soak: $(READY) ## Checks memory, threads and files under load for SOAK_SECONDS, then kills WORKER_KILLS worker processes.
 	@PYTHONPATH=tests $(RUN)/python -m hostile.soak --seconds $(SOAK_SECONDS)
 	@PYTHONPATH=tests $(RUN)/python -m hostile.worker_kills --count $(WORKER_KILLS)
 
-docs: $(READY) ## Builds the documentation as a site, into build/site; a broken link is an error.
+docs: $(READY) ## Builds the documentation site in build/site; broken links are errors.
 	@$(RUN)/python docs/site/build.py
 	@echo "to read it: $(RUN)/python -m http.server -d build/site -b 127.0.0.1 8000"
 
-docs-test: $(READY) ## Runs every code block of README and docs.
+docs-test: $(READY) ## Runs every code block in README and docs.
 	@$(RUN)/python -m pytest tests/docs
 
-version: $(READY) ## Sets the version in every file that has it: make version VERSION=0.2.0
+version: $(READY) ## Sets the version in every file that contains it: make version VERSION=0.2.0
 	@test -n "$(VERSION)" || { echo "say which: make version VERSION=0.2.0"; exit 1; }
 	@$(UV) version --quiet --no-sync $(VERSION)
 	@sed -i.old 's|<version>.*</version>|<version>$(VERSION)</version>|' bridge_ros2/package.xml
 	@sed -i.old 's|^version: .*|version: $(VERSION)|' CITATION.cff
 	@rm bridge_ros2/package.xml.old CITATION.cff.old
 
-release: $(READY) ## Builds sdist and wheel into dist, and tries both outside of this folder.
+release: $(READY) ## Builds sdist and wheel in dist, and tests both outside this folder.
 	@PATH="$(dir $(abspath $(UV))):$$PATH" $(RUN)/python .ci/release.py
 
-clean: ## Removes what the other targets made.
+clean: ## Removes all generated files.
 	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist
