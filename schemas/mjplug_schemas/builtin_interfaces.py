@@ -11,7 +11,7 @@ _SECOND = 1_000_000_000
 
 
 class Time(Message):
-    """A point in time; which clock it belongs to is up to the message that holds it."""
+    """A point in time; the message that contains it defines the clock."""
 
     sec: int32 = Field(0, description="Whole seconds since the clock's origin, rounded down [s].")
     nanosec: uint32 = Field(0, description="Nanoseconds past `sec`, from 0 to 999999999 [ns].")

@@ -18,7 +18,7 @@ class Point(Message):
 
 
 class Vector3(Message):
-    """A direction and magnitude in space; the unit is that of the message that holds it."""
+    """A vector in space; its unit is defined by the message that contains it."""
 
     x: float64 = Field(0.0, description="Along x.")
     y: float64 = Field(0.0, description="Along y.")
@@ -26,7 +26,7 @@ class Vector3(Message):
 
 
 class Quaternion(Message):
-    """An orientation in space as a unit quaternion; the initial value is no rotation."""
+    """An orientation in space as a unit quaternion; the default value is no rotation."""
 
     x: float64 = Field(0.0, description="The x part.")
     y: float64 = Field(0.0, description="The y part.")
@@ -45,8 +45,8 @@ class Point32(Message):
 class Pose(Message):
     """A position and an orientation."""
 
-    position: Point = Field(Point(), description="Where it is [m].")
-    orientation: Quaternion = Field(Quaternion(), description="How it is turned.")
+    position: Point = Field(Point(), description="Position [m].")
+    orientation: Quaternion = Field(Quaternion(), description="Orientation.")
 
 
 class Pose2D(Message):
@@ -60,8 +60,8 @@ class Pose2D(Message):
 class Transform(Message):
     """The change from one frame to another."""
 
-    translation: Vector3 = Field(Vector3(), description="The shift [m].")
-    rotation: Quaternion = Field(Quaternion(), description="The turn.")
+    translation: Vector3 = Field(Vector3(), description="Translation [m].")
+    rotation: Quaternion = Field(Quaternion(), description="Rotation.")
 
 
 class Twist(Message):
@@ -105,23 +105,24 @@ class Polygon(Message):
 
 
 class PolygonInstance(Message):
-    """A polygon with a number to tell it from others."""
+    """A polygon with an identifier."""
 
     polygon: Polygon = Field(Polygon(), description="The polygon.")
     id: int64 = Field(0, description="Its number.")
 
 
 class PoseWithCovariance(Message):
-    """A pose and how sure it is."""
+    """A pose with its covariance."""
 
     pose: Pose = Field(Pose(), description="The pose.")
     covariance: Annotated[sequence[float64], Exactly(36)] = Field(
-        (0.0,) * 36, description="The 6x6 covariance, row by row, over x, y, z and the turns about x, y, z [m, rad]."
+        (0.0,) * 36,
+        description="The 6x6 covariance, row by row, over x, y, z and the rotations about x, y, z [m, rad].",
     )
 
 
 class TwistWithCovariance(Message):
-    """A velocity and how sure it is."""
+    """A velocity with its covariance."""
 
     twist: Twist = Field(Twist(), description="The velocity.")
     covariance: Annotated[sequence[float64], Exactly(36)] = Field(
@@ -131,7 +132,7 @@ class TwistWithCovariance(Message):
 
 
 class AccelWithCovariance(Message):
-    """An acceleration and how sure it is."""
+    """An acceleration with its covariance."""
 
     accel: Accel = Field(Accel(), description="The acceleration.")
     covariance: Annotated[sequence[float64], Exactly(36)] = Field(
@@ -214,7 +215,7 @@ class PolygonInstanceStamped(Message):
     """A numbered polygon, with its time and frame."""
 
     header: Header = Field(Header(), description="The time of the data and the frame it is in.")
-    polygon: PolygonInstance = Field(PolygonInstance(), description="The polygon and its number.")
+    polygon: PolygonInstance = Field(PolygonInstance(), description="The polygon and its id.")
 
 
 class PoseWithCovarianceStamped(Message):
@@ -247,7 +248,7 @@ class TransformStamped(Message):
 
 
 class VelocityStamped(Message):
-    """The velocity of one frame relative to another, seen in a third."""
+    """The velocity of one frame relative to another, expressed in a third frame."""
 
     header: Header = Field(Header(), description="The time, and the frame the velocity is expressed in.")
     body_frame_id: string = Field("", description="The frame that moves.")

@@ -11,16 +11,16 @@ from mjplug_schemas.std_msgs import Header
 
 
 class ExternalWrench(Message):
-    """A force and a torque on one body, for some time."""
+    """A force and a torque on one body for a duration."""
 
     header: Header = Field(Header(), description="Not used.")
     wrench: WrenchStamped = Field(
         WrenchStamped(), description="The wrench in the body's frame [N, N·m]; `header.frame_id` names the body."
     )
-    application_point: Point = Field(Point(), description="Where the force acts, in the body's frame [m].")
-    duration: Duration = Field(Duration(), description="How long it acts, in simulated time [s, ns].")
+    application_point: Point = Field(Point(), description="Application point of the force in the body frame [m].")
+    duration: Duration = Field(Duration(), description="Duration in simulated time [s, ns].")
     ramp_down_duration: Duration = Field(
-        Duration(), description="Over how much of the end of `duration` it fades to zero [s, ns]."
+        Duration(), description="Duration of the linear ramp to zero at the end [s, ns]."
     )
 
 
@@ -35,10 +35,10 @@ class FreeJointState(Message):
 
     name: string = Field("", description="The body.")
     pose: PoseStamped = Field(
-        PoseStamped(), description="Its pose in the header's frame; an empty frame is the world [m]."
+        PoseStamped(), description="Pose in the frame of the header [m]; an empty frame is the world."
     )
     twist: TwistStamped = Field(
-        TwistStamped(), description="Its velocity in the header's frame; an empty frame is the world [m/s, rad/s]."
+        TwistStamped(), description="Velocity in the frame of the header [m/s, rad/s]; an empty frame is the world."
     )
 
 
@@ -50,7 +50,7 @@ class FreeJointStateArray(Message):
 
 
 class SimulationState(Message):
-    """Parts of the state of a simulation; what is left out keeps its value."""
+    """Parts of the state of a simulation; missing parts keep their values."""
 
     joint_states: JointState = Field(JointState(), description="States of joints with one degree of freedom.")
     free_joints: sequence[FreeJointState] = Field((), description="States of bodies with a free joint.")
@@ -68,27 +68,27 @@ class ApplyExternalWrench(Service):
         """Whether they were applied, once the longest of them has ended."""
 
         success: boolean = Field(False, description="Whether all wrenches were applied.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")
 
 
 class ResetWorld(Service):
-    """Takes the simulation back to its start or to a keyframe."""
+    """Resets the simulation to its initial state or to a keyframe."""
 
     class Request(Message):
         """The state to reset to."""
 
         keyframe: string = Field("", description="The keyframe; empty for the initial state.")
-        state_overrides: SimulationState = Field(SimulationState(), description="What differs from that state.")
+        state_overrides: SimulationState = Field(SimulationState(), description="Differences from that state.")
 
     class Response(Message):
         """Whether it was reset."""
 
         success: boolean = Field(False, description="Whether the simulation was reset.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")
 
 
 class SetFreeJointState(Service):
-    """Puts bodies with a free joint somewhere, at a velocity."""
+    """Sets pose and velocity of bodies with a free joint."""
 
     class Request(Message):
         """The states to set."""
@@ -99,34 +99,34 @@ class SetFreeJointState(Service):
         """Whether they were set."""
 
         success: boolean = Field(False, description="Whether all states were set; otherwise none was.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")
 
 
 class SetPause(Service):
-    """Pauses the simulation or lets it run."""
+    """Pauses or resumes the simulation."""
 
     class Request(Message):
         """The state to set."""
 
-        paused: boolean = Field(False, description="True pauses, false lets it run.")
+        paused: boolean = Field(False, description="True pauses, false resumes.")
 
     class Response(Message):
         """Whether it was set."""
 
         success: boolean = Field(False, description="Whether the simulation is now as requested.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")
 
 
 class StepSimulation(Service):
     """Runs a paused simulation for a number of steps."""
 
     class Request(Message):
-        """How far to go."""
+        """The number of steps."""
 
-        steps: uint32 = Field(0, description="How many physics steps to run.")
+        steps: uint32 = Field(0, description="Number of physics steps to run.")
 
     class Response(Message):
         """Whether they were run."""
 
         success: boolean = Field(False, description="Whether all steps were run.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")

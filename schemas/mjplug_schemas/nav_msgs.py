@@ -1,4 +1,4 @@
-"""The ROS package nav_msgs: where a robot is and how it moves."""
+"""The ROS package nav_msgs: pose and velocity of a robot."""
 
 from pydantic import Field
 

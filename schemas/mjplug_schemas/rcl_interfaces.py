@@ -37,7 +37,7 @@ class ParameterType(Message):
 
 
 class ParameterValue(Message):
-    """The value of a parameter: `type` says which of the fields counts."""
+    """The value of a parameter: `type` selects the field that is used."""
 
     type: uint8 = Field(0, description="One of the constants of ParameterType.")
     bool_value: boolean = Field(False, description="The value of a bool.")
@@ -59,30 +59,30 @@ class Parameter(Message):
 
 
 class FloatingPointRange(Message):
-    """Which values a double may have."""
+    """The allowed range of a double."""
 
-    from_value: float64 = Field(0.0, description="The least one.")
-    to_value: float64 = Field(0.0, description="The greatest one.")
-    step: float64 = Field(0.0, description="The distance between two of them; 0 allows all.")
+    from_value: float64 = Field(0.0, description="Smallest value.")
+    to_value: float64 = Field(0.0, description="Largest value.")
+    step: float64 = Field(0.0, description="Step between allowed values; 0: all values are allowed.")
 
 
 class IntegerRange(Message):
-    """Which values an integer may have."""
+    """The allowed range of an integer."""
 
-    from_value: int64 = Field(0, description="The least one.")
-    to_value: int64 = Field(0, description="The greatest one.")
-    step: uint64 = Field(0, description="The distance between two of them; 0 allows all.")
+    from_value: int64 = Field(0, description="Smallest value.")
+    to_value: int64 = Field(0, description="Largest value.")
+    step: uint64 = Field(0, description="Step between allowed values; 0: all values are allowed.")
 
 
 class ParameterDescriptor(Message):
-    """What is known of a parameter besides its value."""
+    """Description of a parameter."""
 
     name: string = Field("", description="Its full name.")
     type: uint8 = Field(0, description="Its type, one of the constants of ParameterType.")
-    description: string = Field("", description="What it is for.")
-    additional_constraints: string = Field("", description="Further rules for its value, for people to read.")
-    read_only: boolean = Field(False, description="Whether it keeps the value that it started with.")
-    dynamic_typing: boolean = Field(False, description="Whether its type may change.")
+    description: string = Field("", description="Purpose of the parameter.")
+    additional_constraints: string = Field("", description="Further constraints on the value, as text.")
+    read_only: boolean = Field(False, description="Whether the value cannot be changed.")
+    dynamic_typing: boolean = Field(False, description="Whether the type can change.")
     floating_point_range: Annotated[sequence[FloatingPointRange], AtMost(1)] = Field(
         (), description="The range of a double, if it has one."
     )
@@ -94,15 +94,15 @@ class ParameterDescriptor(Message):
 class SetParametersResult(Message):
     """Whether a parameter was set."""
 
-    successful: boolean = Field(False, description="Whether it was.")
-    reason: string = Field("", description="Why not, for people to read.")
+    successful: boolean = Field(False, description="Whether the parameter was set.")
+    reason: string = Field("", description="Reason of a failure, as text.")
 
 
 class ListParametersResult(Message):
     """The parameters that were found."""
 
     names: sequence[string] = Field((), description="Their full names.")
-    prefixes: sequence[string] = Field((), description="The groups that they are in.")
+    prefixes: sequence[string] = Field((), description="Their groups.")
 
 
 class Log(Message):
@@ -114,97 +114,97 @@ class Log(Message):
     ERROR: ClassVar[uint8] = 40
     FATAL: ClassVar[uint8] = 50
 
-    stamp: Time = Field(Time(), description="When it was logged [s, ns].")
-    level: uint8 = Field(0, description="How grave it is, one of DEBUG to FATAL.")
+    stamp: Time = Field(Time(), description="Time of the log line [s, ns].")
+    level: uint8 = Field(0, description="Severity, one of DEBUG to FATAL.")
     name: string = Field("", description="The logger.")
     msg: string = Field("", description="The text.")
-    file: string = Field("", description="The source file it comes from.")
-    function: string = Field("", description="The function it comes from.")
-    line: uint32 = Field(0, description="The line of the source file.")
+    file: string = Field("", description="Source file.")
+    function: string = Field("", description="Function.")
+    line: uint32 = Field(0, description="Line in the source file.")
 
 
 class DescribeParameters(Service):
-    """Tells what is known of parameters."""
+    """Returns the descriptors of parameters."""
 
     class Request(Message):
-        """Which parameters."""
+        """The names of the parameters."""
 
         names: sequence[string] = Field((), description="Their full names.")
 
     class Response(Message):
-        """What is known of them."""
+        """The descriptors of the parameters."""
 
         descriptors: sequence[ParameterDescriptor] = Field((), description="One for each name, in their order.")
 
 
 class GetParameters(Service):
-    """Tells the values of parameters."""
+    """Returns the values of parameters."""
 
     class Request(Message):
-        """Which parameters."""
+        """The names of the parameters."""
 
         names: sequence[string] = Field((), description="Their full names.")
 
     class Response(Message):
-        """Their values."""
+        """The values of the parameters."""
 
         values: sequence[ParameterValue] = Field((), description="One for each name, in their order.")
 
 
 class GetParameterTypes(Service):
-    """Tells the types of parameters."""
+    """Returns the types of parameters."""
 
     class Request(Message):
-        """Which parameters."""
+        """The names of the parameters."""
 
         names: sequence[string] = Field((), description="Their full names.")
 
     class Response(Message):
-        """Their types."""
+        """The types of the parameters."""
 
         types: uint8_sequence = Field(b"", description="One for each name, in their order.")
 
 
 class ListParameters(Service):
-    """Finds parameters."""
+    """Lists parameters."""
 
     class Request(Message):
-        """Where to look."""
+        """The groups of parameters to list."""
 
         DEPTH_RECURSIVE: ClassVar[uint64] = 0
 
-        prefixes: sequence[string] = Field((), description="The groups to look in; none means all.")
-        depth: uint64 = Field(0, description="How many levels to go down; 0 is no limit.")
+        prefixes: sequence[string] = Field((), description="Groups to list; empty: all.")
+        depth: uint64 = Field(0, description="Depth of nested groups; 0: unlimited.")
 
     class Response(Message):
-        """What was found."""
+        """The parameters."""
 
         result: ListParametersResult = Field(ListParametersResult(), description="The parameters.")
 
 
 class SetParameters(Service):
-    """Sets parameters, one after the other."""
+    """Sets parameters one by one."""
 
     class Request(Message):
-        """What to set."""
+        """The parameters to set."""
 
         parameters: sequence[Parameter] = Field((), description="The parameters with their new values.")
 
     class Response(Message):
-        """What became of it."""
+        """Whether the parameters were set."""
 
         results: sequence[SetParametersResult] = Field((), description="One for each parameter, in their order.")
 
 
 class SetParametersAtomically(Service):
-    """Sets parameters, all of them or none."""
+    """Sets all parameters or none."""
 
     class Request(Message):
-        """What to set."""
+        """The parameters to set."""
 
         parameters: sequence[Parameter] = Field((), description="The parameters with their new values.")
 
     class Response(Message):
-        """What became of it."""
+        """Whether the parameters were set."""
 
         result: SetParametersResult = Field(SetParametersResult(), description="Whether all of them were set.")

@@ -1,4 +1,4 @@
-"""The ROS package sensor_msgs: what sensors and joints report."""
+"""The ROS package sensor_msgs: measurements of sensors and states of joints."""
 
 from typing import Annotated, ClassVar
 
@@ -34,15 +34,15 @@ class CompressedImage(Message):
     """An image in a compressed file format."""
 
     header: Header = Field(Header(), description="The time of the image, and the camera's optical frame.")
-    format: string = Field("", description="How the data is compressed, such as `jpeg` or `png`.")
+    format: string = Field("", description="Format of the data, such as `jpeg` or `png`.")
     data: uint8_sequence = Field(b"", description="The compressed image.")
 
 
 class LaserScan(Message):
-    """Distances in a plane, measured one after the other while the beam turns."""
+    """Distances in a plane, measured in turn while the beam rotates."""
 
     header: Header = Field(
-        Header(), description="The time of the first ray, and the frame whose z axis the beam turns about."
+        Header(), description="The time of the first ray, and the frame whose z axis the beam rotates about."
     )
     angle_min: float32 = Field(0.0, description="The angle of the first ray, from the x axis towards y [rad].")
     angle_max: float32 = Field(0.0, description="The angle of the last ray [rad].")
@@ -85,7 +85,7 @@ class RegionOfInterest(Message):
 
 
 class CameraInfo(Message):
-    """How a camera maps the scene to its image; all zeros mean a camera that is not calibrated."""
+    """Intrinsics of a camera; all zeros mean that the camera is not calibrated."""
 
     header: Header = Field(Header(), description="Time and frame of the image that this goes with.")
     height: uint32 = Field(0, description="How many rows the image has at calibration [pixels].")
@@ -110,7 +110,7 @@ class CameraInfo(Message):
 
 
 class PointField(Message):
-    """One value that each point of a cloud has: where in the point's bytes it lies, and its type."""
+    """One field of the points of a cloud: its offset in the bytes of a point, and its type."""
 
     INT8: ClassVar[uint8] = 1
     UINT8: ClassVar[uint8] = 2
@@ -128,7 +128,7 @@ class PointField(Message):
 
 
 class PointCloud2(Message):
-    """Points in space with any values each, packed as bytes."""
+    """Points in space with any fields, packed as bytes."""
 
     header: Header = Field(Header(), description="The time of the points and the frame they are in.")
     height: uint32 = Field(0, description="How many rows the points have; 1 for points in no order.")
@@ -142,7 +142,7 @@ class PointCloud2(Message):
 
 
 class Imu(Message):
-    """What an inertial measurement unit measures; a covariance that starts with -1 means its value is not measured."""
+    """Measurement of an IMU; if the first element of a covariance is -1, that quantity is not measured."""
 
     header: Header = Field(Header(), description="The time of the measurement and the sensor's frame.")
     orientation: Quaternion = Field(Quaternion(), description="How the sensor is turned in the world.")
@@ -162,7 +162,7 @@ class Imu(Message):
 
 
 class MagneticField(Message):
-    """What a magnetometer measures."""
+    """Measurement of a magnetometer."""
 
     header: Header = Field(Header(), description="The time of the measurement and the sensor's frame.")
     magnetic_field: Vector3 = Field(Vector3(), description="The field in the sensor's frame; NaN is not measured [T].")

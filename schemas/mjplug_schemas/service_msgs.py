@@ -1,4 +1,4 @@
-"""The ROS package service_msgs: what service introspection reports."""
+"""The ROS package service_msgs: messages of service introspection."""
 
 from typing import Annotated, ClassVar
 

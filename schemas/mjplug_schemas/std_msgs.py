@@ -26,14 +26,14 @@ from mjplug_schemas.message import Message
 
 
 class Header(Message):
-    """When and in which coordinate frame the data of a message holds."""
+    """The time and the coordinate frame of a message."""
 
     stamp: Time = Field(Time(), description="The time of the data, in simulated time since the start [s, ns].")
     frame_id: string = Field("", description="The coordinate frame of the data.")
 
 
 class Empty(Message):
-    """Nothing: the message itself is the signal."""
+    """A message without data, used as a signal."""
 
 
 class ColorRGBA(Message):
@@ -52,7 +52,7 @@ class String(Message):
 
 
 class Bool(Message):
-    """One truth value."""
+    """One boolean value."""
 
     data: boolean = Field(False, description="The value.")
 
@@ -138,7 +138,7 @@ class MultiArrayDimension(Message):
 
 
 class MultiArrayLayout(Message):
-    """How a flat list of numbers is a multi-dimensional array."""
+    """The layout of a multi-dimensional array in a flat list."""
 
     dim: sequence[MultiArrayDimension] = Field((), description="The dimensions, the outermost first.")
     data_offset: uint32 = Field(0, description="How many numbers to skip at the start of the data.")

@@ -1,4 +1,4 @@
-"""The ROS package std_srvs: services that need no types of their own."""
+"""The ROS package std_srvs: services for common purposes."""
 
 from pydantic import Field
 
@@ -7,7 +7,7 @@ from mjplug_schemas.message import Message, Service
 
 
 class Empty(Service):
-    """A signal whose only answer is that it arrived."""
+    """A request and a response without data."""
 
     class Request(Message):
         """Nothing."""
@@ -25,20 +25,20 @@ class SetBool(Service):
         data: boolean = Field(False, description="True switches on, false switches off.")
 
     class Response(Message):
-        """Whether it worked."""
+        """Whether the request succeeded."""
 
         success: boolean = Field(False, description="Whether the state was set.")
-        message: string = Field("", description="What happened, for people to read.")
+        message: string = Field("", description="Result as text.")
 
 
 class Trigger(Service):
-    """Makes something happen once."""
+    """Triggers an action."""
 
     class Request(Message):
         """Nothing."""
 
     class Response(Message):
-        """Whether it worked."""
+        """Whether the request succeeded."""
 
-        success: boolean = Field(False, description="Whether it was done.")
-        message: string = Field("", description="What happened, for people to read.")
+        success: boolean = Field(False, description="Whether the action succeeded.")
+        message: string = Field("", description="Result as text.")

@@ -1,4 +1,4 @@
-"""The ROS package trajectory_msgs: how joints are to move over time."""
+"""The ROS package trajectory_msgs: motions of joints over time."""
 
 from pydantic import Field
 
@@ -10,13 +10,13 @@ from mjplug_schemas.std_msgs import Header
 
 
 class JointTrajectoryPoint(Message):
-    """Where joints are to be at one time; each list is empty or has one number for each joint of the trajectory."""
+    """Setpoints of joints at one time; each list is empty or has one number for each joint of the trajectory."""
 
     positions: sequence[float64] = Field((), description="Positions [rad or m].")
     velocities: sequence[float64] = Field((), description="Velocities [rad/s or m/s].")
     accelerations: sequence[float64] = Field((), description="Accelerations [rad/s² or m/s²].")
     effort: sequence[float64] = Field((), description="Efforts [N·m or N].")
-    time_from_start: Duration = Field(Duration(), description="When, counted from the trajectory's start [s, ns].")
+    time_from_start: Duration = Field(Duration(), description="Time since the start of the trajectory [s, ns].")
 
 
 class JointTrajectory(Message):
@@ -28,12 +28,12 @@ class JointTrajectory(Message):
 
 
 class MultiDOFJointTrajectoryPoint(Message):
-    """Where joints with several degrees of freedom are to be at one time, one entry for each joint."""
+    """Setpoints of joints with several degrees of freedom at one time, one entry for each joint."""
 
     transforms: sequence[Transform] = Field((), description="Poses, in the frame that the header names [m].")
     velocities: sequence[Twist] = Field((), description="Velocities [m/s, rad/s].")
     accelerations: sequence[Twist] = Field((), description="Accelerations [m/s², rad/s²].")
-    time_from_start: Duration = Field(Duration(), description="When, counted from the trajectory's start [s, ns].")
+    time_from_start: Duration = Field(Duration(), description="Time since the start of the trajectory [s, ns].")
 
 
 class MultiDOFJointTrajectory(Message):

@@ -1,4 +1,4 @@
-"""The ROS package type_description_interfaces: what a type looks like, told by a node that uses it (REP-2016)."""
+"""The ROS package type_description_interfaces: descriptions of types (REP-2016)."""
 
 from typing import Annotated, ClassVar
 
@@ -139,32 +139,36 @@ class TypeSource(Message):
     """The text that defines a type."""
 
     type_name: string = pydantic.Field("", description="Its name.")
-    encoding: string = pydantic.Field("", description="How it is written: `msg`, `srv`, or `implicit` for no text.")
+    encoding: string = pydantic.Field("", description="Format: `msg`, `srv`, or `implicit` for no text.")
     raw_file_contents: string = pydantic.Field("", description="The text.")
 
 
 class KeyValue(Message):
-    """Something else that is known."""
+    """Additional information."""
 
     key: string = pydantic.Field("", description="What it is.")
     value: string = pydantic.Field("", description="Its value.")
 
 
 class GetTypeDescription(Service):
-    """Tells what a type looks like."""
+    """Returns the description of a type."""
 
     class Request(Message):
-        """Which type."""
+        """The type to describe."""
 
         type_name: string = pydantic.Field("", description="Its name, such as `std_msgs/msg/String`.")
-        type_hash: string = pydantic.Field("", description="Its hash, as it stands in the graph.")
-        include_type_sources: boolean = pydantic.Field(True, description="Whether to send definitions too.")
+        type_hash: string = pydantic.Field("", description="Its RIHS01 hash, as in the ROS graph.")
+        include_type_sources: boolean = pydantic.Field(
+            True, description="Whether the response contains the definitions."
+        )
 
     class Response(Message):
-        """What it looks like."""
+        """The description of the type."""
 
-        successful: boolean = pydantic.Field(False, description="Whether the type is known here.")
-        failure_reason: string = pydantic.Field("", description="Why not, for people to read.")
+        successful: boolean = pydantic.Field(False, description="Whether the type was found.")
+        failure_reason: string = pydantic.Field("", description="Reason of a failure, as text.")
         type_description: TypeDescription = pydantic.Field(TypeDescription(), description="The type.")
         type_sources: sequence[TypeSource] = pydantic.Field((), description="The definitions.")
-        extra_information: sequence[KeyValue] = pydantic.Field((), description="Nothing, here.")
+        extra_information: sequence[KeyValue] = pydantic.Field(
+            (), description="Additional information; always empty here."
+        )

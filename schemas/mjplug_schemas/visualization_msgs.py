@@ -1,4 +1,4 @@
-"""The ROS package visualization_msgs: shapes to draw over a scene, as RViz and Foxglove show them."""
+"""The ROS package visualization_msgs: shapes that RViz and Foxglove draw."""
 
 from typing import ClassVar
 
@@ -13,21 +13,21 @@ from mjplug_schemas.std_msgs import ColorRGBA, Header
 
 
 class MeshFile(Message):
-    """A mesh sent along with a marker."""
+    """A mesh that is part of a marker."""
 
     filename: string = Field("", description="A name for the mesh; its ending tells the format.")
     data: uint8_sequence = Field(b"", description="The contents of the file.")
 
 
 class UVCoordinate(Message):
-    """A place in a texture."""
+    """A position in a texture."""
 
     u: float32 = Field(0.0, description="Across the texture, from 0 to 1.")
     v: float32 = Field(0.0, description="Up the texture, from 0 to 1.")
 
 
 class Marker(Message):
-    """One shape, or one list of alike shapes."""
+    """One shape, or a list of equal shapes."""
 
     ARROW: ClassVar[int32] = 0
     CUBE: ClassVar[int32] = 1
@@ -52,20 +52,20 @@ class Marker(Message):
     ns: string = Field("", description="The namespace that makes `id` unique.")
     id: int32 = Field(0, description="The number of the marker in its namespace; the same again changes or deletes it.")
     type: int32 = Field(0, description="The shape, one of ARROW to ARROW_STRIP.")
-    action: int32 = Field(0, description="What to do: ADD, MODIFY, DELETE or DELETEALL.")
-    pose: Pose = Field(Pose(), description="Where the shape is, in the header's frame [m].")
+    action: int32 = Field(0, description="Action: ADD, MODIFY, DELETE or DELETEALL.")
+    pose: Pose = Field(Pose(), description="Pose of the shape in the frame of the header [m].")
     scale: Vector3 = Field(Vector3(), description="The size along each axis; for arrows, shaft and head diameters [m].")
     color: ColorRGBA = Field(ColorRGBA(), description="The colour of the shape.")
-    lifetime: Duration = Field(Duration(), description="When it vanishes by itself; 0 is never [s, ns].")
-    frame_locked: boolean = Field(False, description="Whether it follows its frame as that moves.")
+    lifetime: Duration = Field(Duration(), description="Lifetime [s, ns]; 0: unlimited.")
+    frame_locked: boolean = Field(False, description="Whether the marker moves with its frame.")
     points: sequence[Point] = Field((), description="The points of lists, strips and two-point arrows [m].")
     colors: sequence[ColorRGBA] = Field((), description="One colour for each point, or none.")
     texture_resource: string = Field("", description="The address of a texture, or the name of an embedded one.")
-    texture: CompressedImage = Field(CompressedImage(), description="A texture sent along.")
+    texture: CompressedImage = Field(CompressedImage(), description="Embedded texture.")
     uv_coordinates: sequence[UVCoordinate] = Field((), description="The place in the texture of each point.")
     text: string = Field("", description="The text of TEXT_VIEW_FACING.")
     mesh_resource: string = Field("", description="The address of a mesh, or the name of an embedded one.")
-    mesh_file: MeshFile = Field(MeshFile(), description="A mesh sent along.")
+    mesh_file: MeshFile = Field(MeshFile(), description="Embedded mesh.")
     mesh_use_embedded_materials: boolean = Field(False, description="Whether the mesh keeps its own materials.")
 
 

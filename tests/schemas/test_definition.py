@@ -170,7 +170,7 @@ def test_a_service_definition_has_both_halves():
     assert definition(SetBool) == (
         "# Switches something on or off.\n\n"
         "# True switches on, false switches off.\nbool data\n---\n"
-        "# Whether the state was set.\nbool success\n# What happened, for people to read.\nstring message\n"
+        "# Whether the state was set.\nbool success\n# Result as text.\nstring message\n"
     )
 
 
