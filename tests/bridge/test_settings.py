@@ -50,7 +50,7 @@ def test_names_are_chosen_then_renamed_then_put_into_the_namespace(naming, name,
 
 
 @ros_only
-def test_all_wrong_parameters_are_told_at_once(bridge):
+def test_all_wrong_parameters_are_reported_at_once(bridge):
     own = bridge(
         zenoh_config="/no/such/file.json5",
         server="mjplug",
@@ -81,7 +81,7 @@ def test_a_list_without_entries_is_a_list_without_entries(bridge, sim):
 
 
 @ros_only
-def test_without_an_endpoint_the_bridge_says_so_together_with_the_other_mistakes(bridge):
+def test_without_an_endpoint_the_bridge_reports_it_together_with_the_other_mistakes(bridge):
     own = bridge(server="mjplug")
     assert own.end() == 2
     assert "connect: add an endpoint, such as tcp/127.0.0.1:7447" in own.log.text

@@ -56,7 +56,7 @@ def test_a_late_joiner_gets_the_last_message_of_a_latched_topic(ros, zenoh_clien
     assert UInt64.from_cdr(late.next()).data == epoch
 
 
-def test_a_latched_topic_is_read_even_if_nobody_subscribes(ros, bridge, sim):
+def test_a_latched_topic_is_subscribed_even_without_ros_subscribers(ros, bridge, sim):
     # Otherwise the next to subscribe would get what was last read for somebody else.
     sim.publish(Topic("/a", String, LATCHED))
     bridge(sim.endpoint)
@@ -85,7 +85,7 @@ def test_a_message_from_ros_is_put_once_with_its_type(ros, zenoh_client):
     assert heard.drain() == []
 
 
-def test_nothing_is_asked_of_the_server_while_nobody_subscribes(ros, zenoh_client):
+def test_the_server_has_no_subscriber_without_ros_subscribers(ros, zenoh_client):
     changes = threading.Condition()
     matched = []
 

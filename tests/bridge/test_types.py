@@ -87,7 +87,7 @@ def test_a_missing_package_disables_its_own_interfaces_only(ros, serve, bridge, 
     assert ros.types("/own/probe/twist") == []
 
 
-def test_failures_are_told_where_a_type_has_a_place_for_them(installation):
+def test_failures_are_reported_if_the_type_has_a_field_for_them(installation):
     from mjplug_bridge_ros2.failure import fill_in
     from mjplug_bridge_ros2.ros_types import import_type
 

@@ -104,12 +104,12 @@ def test_tab_completes_live_names_in_less_than_a_quarter_of_a_second(tour):
     assert found == ["/mjplug/set_parameters", "/mjplug/set_parameters_atomically", "/mjplug/set_pause"]
 
 
-def test_tab_is_silent_where_no_server_is():
+def test_completion_returns_nothing_without_a_server():
     assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT="tcp/127.0.0.1:1") == []
     assert complete("mjplug", "topic", "echo", "/cl", MJPLUG_CONNECT="nonsense") == []
 
 
-def test_tab_imports_nothing_that_takes_time(tour):
+def test_completion_imports_nothing_slow(tour):
     asking = {"COMP_WORDS": "mjplug topic echo /cl", "COMP_CWORD": "3", "_MJPLUG_COMPLETE": "complete_bash"}
     done = subprocess.run(
         [sys.executable, "-X", "importtime", "-m", "mjplug"],
@@ -139,7 +139,7 @@ QUESTIONS = ("topic echo /cl", "service call /mjplug/set_p", "topic info /nope")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "fish is-args"])
-def test_a_shell_is_told_the_same_with_and_without_typer(tour, shell, monkeypatch, capsys):
+def test_a_shell_gets_the_same_completions_with_and_without_typer(tour, shell, monkeypatch, capsys):
     monkeypatch.setenv("MJPLUG_CONNECT", tour.endpoint)
     name, _, action = shell.partition(" ")
     for line in QUESTIONS:

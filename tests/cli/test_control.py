@@ -29,7 +29,7 @@ def free_body(name, position, orientation=(0.0, 0.0, 0.0, 1.0), linear=(0.0, 0.0
     }
 
 
-def test_a_running_simulation_stops_at_pause_and_goes_on_after_it(world):
+def test_a_running_simulation_stops_at_pause_and_continues_after_it(world):
     client = world.client
     start = world.state()["step"]
     assert client.do("mjplug/set_pause", paused=False) == "the simulation is now running"
@@ -68,7 +68,7 @@ def test_steps_that_a_resume_interrupts_are_answered_with_what_was_done(world):
     assert response["message"].endswith(" of 4000000000 steps were taken)")
 
 
-def test_a_reset_puts_a_keyframe_back_and_lets_time_go_on(world):
+def test_a_reset_puts_a_keyframe_back_and_lets_time_continue(world):
     world.step(100)
     before = world.state()
     message = world.client.do("mjplug/reset_world", keyframe="apart")
@@ -95,7 +95,7 @@ def test_a_reset_takes_overrides(world):
     assert (state["qpos"][7:10], state["qvel"][6:9]) == ([1.0, 2.0, 3.0], [0.1, 0.2, 0.3])
 
 
-def test_a_reset_ends_pushes_and_tells_those_who_wait(world):
+def test_a_reset_ends_pushes_and_answers_waiting_calls(world):
     push = world.send_push(wrench("base_link", force=(10.0, 0.0, 0.0), seconds=1000.0))
     world.step(10)
     world.client.do("mjplug/reset_world")
@@ -176,7 +176,7 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
     assert qos["mujoco_heartbeat"] == {"depth": 10, "reliability": "reliable", "durability": "volatile"}
 
 
-def test_diagnostics_come_while_paused_and_tell_of_steps_and_resets(world):
+def test_diagnostics_come_while_paused_and_report_steps_and_resets(world):
     listener = world.client.listen("diagnostics/@json")
 
     def figures(message):

@@ -60,7 +60,7 @@ def test_the_traps_among_versions_of_mujoco_are_known(changed, level, says):
     assert "pip install 'mujoco>=3.13,!=4.0.0,<4.2'" in fix
 
 
-def test_variables_that_would_stop_a_server_are_found_and_others_are_told():
+def test_variables_that_would_stop_a_server_are_found_and_others_are_reported():
     wrong = {"MJPLUG_SIM__SPED": "2", "MJPLUG_MODELL": "x", "ROS_DOMAIN_ID": "999", "MJPLUG_CONNECT": "tcp/a:1"}
     found = {fix: message for _, message, fix in problems(check_environment(wrong, versions()))}
     assert set(found) == {"unset MJPLUG_SIM__SPED", "unset MJPLUG_MODELL", "unset ROS_DOMAIN_ID"}

@@ -41,7 +41,7 @@ def test_a_plugin_that_fails_while_it_runs_ends_the_server_with_a_traceback(faul
     )
 
 
-def test_a_plugin_that_fails_can_be_switched_off_while_the_rest_goes_on(serve, connect):
+def test_a_plugin_that_fails_can_be_switched_off_while_the_rest_continues(serve, connect):
     server = serve(
         "scene.xml", "--plugin", "faulty:Stumbles:culprit", "--plugin", "heartbeat", "--paused",
         "--set", "on_plugin_error=disable", cwd=WORLD,

@@ -37,7 +37,7 @@ def test_help_of_serve_has_examples_and_every_option_and_imports_neither_mujoco_
 @pytest.mark.parametrize(
     "words", [("--help",), ("topic", "--help"), ("topic", "echo", "--help"), ("service", "call", "-h")]
 )
-def test_help_imports_nothing_that_takes_time(cli, words):
+def test_help_imports_nothing_slow(cli, words):
     shown = cli(*words, command=[sys.executable, "-X", "importtime", "-m", "mjplug"])
     assert shown.returncode == 0
     assert shown.stdout.startswith("Usage: ")

@@ -42,7 +42,7 @@ def test_garbage_on_every_topic_is_dropped(target):
     assert (target.state()["twists"], target.state()["last_twist_x"]) == (before + 1, 0.5)
 
 
-def test_garbage_from_ros_2_nodes_gets_a_response_that_says_so(target):
+def test_garbage_from_ros_2_nodes_gets_an_error_response(target):
     node = struct.pack("<qqB", 1, 1, 16) + bytes(16)
     for entry in target.client.ask("mjplug/interfaces")["services"]:
         response_type = find(entry["type"]).Response

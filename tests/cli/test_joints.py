@@ -118,7 +118,7 @@ def test_ros2_control_s_joint_state_topic_system_drives_the_arm(served, connect)
     assert state.position[:2] == pytest.approx((0.6, -0.5), abs=0.03)
 
 
-def test_a_command_whose_arrays_do_not_fit_is_told_in_the_diagnostics(served, connect):
+def test_a_command_whose_arrays_do_not_fit_is_reported_in_the_diagnostics(served, connect):
     server = served(paused="false", speed=1.0)
     client = connect(server)
     diagnostics = client.listen("diagnostics/@json")

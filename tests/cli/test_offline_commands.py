@@ -98,7 +98,7 @@ def test_the_tables_of_a_model_are_readable(ask):
     assert ask("model", "info", "bundled:arm", "counts").startswith("arm (")
 
 
-def test_a_wrong_model_or_table_is_said(fail):
+def test_a_wrong_model_or_table_is_reported(fail):
     assert "did you mean 'joints'?; known: counts, bodies" in fail(2, "model", "info", "bundled:arm", "jonts")
     assert "bundled" in fail(4, "model", "info", "bundled:arms")
 

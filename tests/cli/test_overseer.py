@@ -110,7 +110,7 @@ def test_it_ends_when_the_server_dies_while_it_writes_down_where_its_threads_are
     server.overseer_ends()
 
 
-def test_a_suspended_server_that_nobody_asked_to_end_is_left_alone(overseen):
+def test_a_suspended_server_without_a_stop_request_is_left_alone(overseen):
     server = overseen("waits")
     server.send(signal.SIGSTOP)
     time.sleep(1.0)

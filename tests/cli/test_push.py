@@ -35,7 +35,7 @@ def test_the_ready_line_names_the_endpoint_the_model_and_the_plugins(box):
     )
 
 
-def test_heartbeats_count_and_tell_the_simulated_time_in_the_documented_words(client):
+def test_heartbeats_count_and_contain_the_simulated_time_in_the_documented_format(client):
     beats = client.listen("mujoco_heartbeat/@json")
     texts = [beats.next()["data"] for _ in range(3)]
     first = int(re.search(r"#(\d+)", texts[0])[1])
@@ -132,7 +132,7 @@ def test_two_pushes_in_one_call_act_together_and_end_each_at_its_own_time(world)
     assert velocities[12:15] == pytest.approx([0, -3.0 / 3 * 0.1, 0], rel=1e-9, abs=1e-12)
 
 
-def test_a_push_that_nobody_waits_for_is_answered_at_once_and_lasts_as_long(world):
+def test_a_push_without_wait_is_answered_at_once_and_lasts_as_long(world):
     push = world.send_push(wrench("base_link", force=(10.0, 0.0, 0.0), seconds=0.1), parameters="?wait=false")
     assert push.answer().json == {"success": True, "message": "applying 1 wrench, the longest for 0.1 s"}
     world.step(100)

@@ -47,7 +47,7 @@ def manager(request, tmp_path):
     manager.socket.close()
 
 
-def test_a_service_manager_hears_of_readiness_life_and_stop(serve, manager):
+def test_a_service_manager_gets_readiness_watchdog_and_stop_messages(serve, manager):
     server = serve("bundled:box", env=manager.environ | {"WATCHDOG_USEC": "200000"})
     ready = manager.next()
     assert ready.startswith(f"READY=1\nSTATUS={server.endpoint} · model box (1 body, ")
@@ -74,7 +74,7 @@ def test_a_paused_server_is_alive_and_one_that_hangs_is_not(serve, connect, tmp_
 
 
 @pytest.mark.parametrize("pid", ["", "1"])
-def test_signs_of_life_are_sent_only_if_they_are_asked_of_this_process(tmp_path, pid):
+def test_watchdog_messages_are_sent_only_if_requested_for_this_process(tmp_path, pid):
     manager = Manager(str(tmp_path / "notify"))
     environ = {**manager.environ, "WATCHDOG_USEC": "20000", "WATCHDOG_PID": pid, "OTHER": "stays"}
     told = ServiceManager(environ)
@@ -168,9 +168,7 @@ def test_the_quick_check_says_that_a_server_is_healthy_and_imports_nothing_that_
     assert not imported & {"mujoco", "numpy", "cv2", "yaml", "mjplug.client", "mjplug_schemas.message"}
 
 
-def test_the_quick_check_tells_a_server_that_is_not_there_from_one_that_hangs_or_reports_errors(
-    serve, connect, tmp_path
-):
+def test_the_quick_check_distinguishes_a_missing_server_from_one_that_hangs_or_reports_errors(serve, connect, tmp_path):
     nobody = run("doctor", "--quick", "-e", "tcp/127.0.0.1:9", cwd=tmp_path)
     assert nobody.returncode == 5
     assert nobody.stderr.startswith("error: connection refused by tcp/127.0.0.1:9: ")

@@ -12,7 +12,7 @@ LONG = wrenches(wrench("box", force=(1.0, 0.0, 0.0), seconds=1000.0))
 
 
 @pytest.mark.parametrize(("number", "state"), [("SIGINT", "--speed=1"), ("SIGTERM", "--paused")])
-def test_a_signal_ends_the_server_and_tells_those_who_wait(serve, connect, number, state):
+def test_a_signal_ends_the_server_and_answers_waiting_calls(serve, connect, number, state):
     server = serve("bundled:box", "--plugin", "external_wrench", state)
     client = connect(server)
     push = client.request("external_wrench/apply_wrench", **LONG)
@@ -41,7 +41,7 @@ def test_a_signal_that_follows_the_ready_line_at_once_is_not_too_early(tmp_path)
             server.communicate()
 
 
-def test_the_end_of_the_duration_tells_those_who_wait(serve, connect):
+def test_the_end_of_the_duration_answers_waiting_calls(serve, connect):
     server = serve("bundled:box", "--plugin", "external_wrench", "--paused", "--duration", "1")
     client = connect(server)
     push = client.request("external_wrench/apply_wrench", **LONG)

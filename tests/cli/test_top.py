@@ -80,7 +80,7 @@ def test_a_table_has_what_was_not_delivered_by_topic_and_service():
     assert not any(line.level for line in table)
 
 
-def test_what_is_wrong_is_said():
+def test_errors_are_reported():
     table = shown(
         status("simulation", 2, "the simulation diverged", **SIMULATION),
         status("wire", 1, "a message could not be read"),
@@ -112,7 +112,7 @@ def test_once_shows_a_table_and_ends(served, cli):
     assert "\033" not in result.stdout
 
 
-def test_several_times_show_what_has_changed_and_who_listens(served, cli):
+def test_several_times_show_what_has_changed_and_its_subscribers(served, cli):
     result = cli("top", "-n", "3", "-e", served.endpoint)
     assert (result.returncode, result.stderr) == (0, "")
     times = [float(text) for text in re.findall(r"^time ([\d.]+) s", result.stdout, re.MULTILINE)]
@@ -122,7 +122,7 @@ def test_several_times_show_what_has_changed_and_who_listens(served, cli):
     assert re.search(r"^heartbeat +[\d<.]+ +\d+ +-  ok$", result.stdout, re.MULTILINE)
 
 
-def test_without_a_server_it_says_so(cli):
+def test_without_a_server_it_reports_an_error(cli):
     result = cli("top", "--once", "-e", "tcp/127.0.0.1:9")
     assert result.returncode == 5
     assert "connection refused by tcp/127.0.0.1:9: no mjplug server listens there" in result.stderr

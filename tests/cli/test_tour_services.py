@@ -75,7 +75,7 @@ def test_a_service_that_says_no_ends_with_7_and_still_shows_its_response(tour):
         (2, ("call",), r"Missing argument 'SERVICE'"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_in_a_sentence(tour, code, words, sentence):
+def test_errors_are_reported_in_one_sentence(tour, code, words, sentence):
     assert re.search(sentence, tour.fail(code, "service", *words))
 
 

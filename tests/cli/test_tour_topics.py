@@ -221,7 +221,7 @@ def test_echo_leaves_out_what_is_long_or_unwanted(tour):
         (2, ("pub", "/cmd_vel", "std_srvs/srv/Trigger", "{}"), r"std_srvs/srv/Trigger is a service"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_in_a_sentence(tour, code, words, sentence):
+def test_errors_are_reported_in_one_sentence(tour, code, words, sentence):
     assert re.search(sentence, tour.fail(code, "topic", *words))
 
 
@@ -294,7 +294,7 @@ def test_delay_is_the_age_in_simulated_time(tour):
     assert abs(age) < 5.0
 
 
-def test_who_waits_for_a_first_message_hears_why(tour, monkeypatch):
+def test_waiting_for_a_first_message_reports_why(tour, monkeypatch):
     monkeypatch.setattr(topic_echo, "SILENCE", 0.3)
     assert "waiting for /cmd_vel: no server publishes it\n" in tour.fail(
         6, "topic", "echo", "/cmd_vel", "--timeout", "0.6"
@@ -307,7 +307,7 @@ def test_who_waits_for_a_first_message_hears_why(tour, monkeypatch):
     ]
 
 
-def test_a_topic_that_is_silent_is_said_to_be(tour):
+def test_a_topic_without_messages_is_reported(tour):
     assert tour.ask("topic", "hz", "/cmd_vel", "-n", "1") == "no messages yet: no server publishes it\n"
     tour.ask("sim", "pause")
     why = "no messages yet: the simulation is paused (mjplug sim resume)\n"
@@ -355,7 +355,7 @@ def start(tour):
         process.communicate()
 
 
-def test_ctrl_c_ends_with_130_and_without_a_word(start):
+def test_ctrl_c_ends_with_130_and_without_output(start):
     process = start("topic", "echo", "/clock")
     assert process.stdout.readline() == "clock:\n"
     process.send_signal(signal.SIGINT)
@@ -363,7 +363,7 @@ def test_ctrl_c_ends_with_130_and_without_a_word(start):
     assert (process.returncode, err) == (130, "")
 
 
-def test_a_reader_that_goes_away_ends_it_in_silence(start):
+def test_a_closed_pipe_ends_it_without_an_error(start):
     process = start("topic", "echo", "/clock")
     assert process.stdout.readline() == "clock:\n"
     process.stdout.close()
@@ -382,7 +382,7 @@ def test_output_that_cannot_be_written_is_a_sentence(tour):
     assert (closed.returncode, closed.stderr) == (0, "")
 
 
-def test_nobody_there_is_exit_code_5(tour):
+def test_no_server_is_exit_code_5(tour):
     said = tour.fail(5, "topic", "list", "--connect", "tcp/127.0.0.1:1")
     assert said.startswith("error: connection refused by tcp/127.0.0.1:1: no mjplug server listens there; start one (")
     assert "is no Zenoh endpoint" in tour.fail(5, "topic", "list", "-e", "localhost:7447")

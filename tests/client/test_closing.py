@@ -14,7 +14,7 @@ SUBSCRIPTIONS = 25
 """By each of several threads."""
 
 
-def test_whoever_uses_a_closed_client_hears_so(server):
+def test_using_a_closed_client_is_an_error(server):
     client = connect(server.endpoint)
     clock, chatter = client.subscribe("/clock", Clock), client.publisher("/chatter", String)
     client.close()
@@ -85,7 +85,7 @@ def test_a_callback_may_close_the_client(server):
     assert subscription.closed
 
 
-def test_waits_may_be_for_ever_but_not_shorter_than_nothing(client):
+def test_timeouts_can_be_infinite_but_not_negative(client):
     with client.subscribe("/clock", Clock) as clock:
         assert isinstance(clock.next(math.inf), Clock)
         assert isinstance(clock.latest(math.inf), Clock)

@@ -38,7 +38,7 @@ def test_a_client_imports_neither_mujoco_nor_numpy_nor_any_other_heavy_thing(tmp
     assert not imported & heavy
 
 
-def test_nobody_there_is_one_sentence_with_the_way_out(closed_port):
+def test_no_server_is_reported_in_one_sentence_with_advice(closed_port):
     endpoint = f"tcp/127.0.0.1:{closed_port}"
     with pytest.raises(NoServerError) as error:
         connect(endpoint, timeout=0.0)
@@ -101,7 +101,7 @@ def test_what_is_no_endpoint_is_shown_how_to_write_one():
         connect(config="/no/such.json5", timeout=0.0)
 
 
-def test_a_router_without_a_server_is_told_from_no_router():
+def test_a_router_without_a_server_is_distinguished_from_no_router():
     endpoint = on_free_port("tcp/127.0.0.1:0")
     config = zenoh.Config()
     for key, value in {

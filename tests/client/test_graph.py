@@ -137,7 +137,9 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
 
 
 @pytest.mark.timeout(40)
-def test_a_program_that_matches_every_key_and_never_answers_holds_nobody_up(client, networks, stranger, monkeypatch):
+def test_a_program_that_matches_every_key_and_never_answers_does_not_delay_others(
+    client, networks, stranger, monkeypatch
+):
     monkeypatch.setattr(announced, "QUERY_TIMEOUT", 80.0)
     monkeypatch.setattr(questions, "_RETRY", 80.0)
     monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)

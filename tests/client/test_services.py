@@ -134,7 +134,7 @@ def test_calls_from_several_threads_get_their_own_answers(client):
     }
 
 
-def test_a_server_that_stops_meanwhile_says_so(tmp_path):
+def test_a_server_that_stops_meanwhile_reports_it(tmp_path):
     server = Served("bundled:box", "--paused", cwd=tmp_path)
     with connect(server.endpoint) as client:
         reasons = []

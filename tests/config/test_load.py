@@ -20,7 +20,7 @@ def test_the_whole_documented_file_loads(config):
     assert list(settings.plugins) == ["external_wrench", "heartbeat"]
 
 
-def test_everything_wrong_comes_out_at_once(config):
+def test_all_errors_are_reported_at_once(config):
     text = """\
 modle: scene.xml
 node_name: on

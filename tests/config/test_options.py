@@ -29,7 +29,7 @@ def test_set_wins_over_environment_over_file_over_default(config):
         ("model: a", {"ROS_DOMAIN_ID": "42", "MJPLUG_ROS2__DOMAIN_ID": "5"}, 5),
     ],
 )
-def test_the_domain_of_ros_counts_where_nobody_says_one(config, text, environ, domain):
+def test_ros_domain_id_is_used_unless_a_domain_is_configured(config, text, environ, domain):
     assert config(text, **environ).settings.ros2.domain_id == domain
 
 
@@ -119,7 +119,7 @@ def test_a_name_in_the_namespace_needs_no_quotes_as_an_option(config):
 @pytest.mark.parametrize(
     "text", ["model: a\nremap:\n  /clock: {ns}/clock\n", "model: a\nremap: {/clock: {ns}/clock}\n"]
 )
-def test_a_name_in_the_namespace_without_quotes_in_a_file_is_told_to_have_them(config, text):
+def test_a_name_in_the_namespace_without_quotes_in_a_file_gets_the_advice_to_add_them(config, text):
     assert refusal(config, text).endswith("^ write a name that begins with '{ns}' in quotes, such as \"{ns}/scan\"")
     assert config("model: a\nremap: {/clock: '{ns}/clock'}").settings.remap == {"/clock": "{ns}/clock"}
 

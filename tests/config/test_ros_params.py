@@ -267,7 +267,7 @@ def test_an_entry_without_a_type_is_an_error_in_the_ros_file(params):
     )
 
 
-def test_a_file_for_other_nodes_says_so(params):
+def test_a_file_for_other_nodes_reports_it(params):
     assert refusal(params, HEARTBEAT.replace("/**", "/robot1/sim")) == (
         "params.yaml:1:1: error: no section with mujoco_plugins applies to the node '/mjplug'; "
         "this file has sections for '/robot1/sim'\n"

@@ -114,7 +114,7 @@ def test_an_unknown_example_is_refused_with_a_list():
     assert ", ".join(NAMES) in done.stderr
 
 
-def test_the_box_is_pushed_exactly_as_far_as_newton_says(ran):
+def test_the_box_is_pushed_exactly_as_far_as_newton_s_law_predicts(ran):
     moved = numbers(r"moved by x (\S+) m, y (\S+) m, z (\S+) m in 2 s", ran("00_push_a_box").stdout)
     # 10 N on 2 kg; in the last 0.5 s the force falls linearly to zero. The velocity changes before the position.
     time_step, speed, distance = 0.002, 0.0, 0.0

@@ -40,13 +40,13 @@ def test_clients_of_a_killed_server_get_errors_and_the_next_server_takes_over():
 @proc
 @pytest.mark.slow
 @pytest.mark.timeout(400)
-def test_stopped_clients_hold_nobody_up():
+def test_stopped_clients_do_not_delay_others():
     assert stopped_callers.main(["--count", "2", "--seconds", "300"]) == 0
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_commands_on_a_full_disk_say_so_and_leave_nothing_behind():
+def test_commands_on_a_full_disk_report_it_and_leave_nothing_behind():
     if reason := full_disk.permitted():
         lacking(reason)
     assert full_disk.main(["--count", "10", "--seconds", "500"]) == 0

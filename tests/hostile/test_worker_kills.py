@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="lo
 @pytest.mark.slow
 @pytest.mark.usefixtures("gl")
 @pytest.mark.timeout(600)
-def test_killed_and_stopped_workers_harm_nobody():
+def test_killed_and_stopped_workers_do_not_affect_others():
     run = worker_kills.attack(count=3, seed=3, seconds=300.0, hang=0.34, busy=0)
     assert run.findings == []
     assert run.counts["SIGKILL"] + run.counts["SIGSTOP"] == 3

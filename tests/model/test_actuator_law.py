@@ -31,7 +31,7 @@ def model_of(actuator, damping=0.0):
         ('<general joint="joint" gainprm="0"/>', Drives.OTHER),
     ],
 )
-def test_actuators_are_told_apart_by_what_balances_their_control(actuator, drives):
+def test_actuators_are_distinguished_by_what_balances_their_control(actuator, drives):
     assert actuator_law(model_of(actuator), 0).drives is drives
 
 

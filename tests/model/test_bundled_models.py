@@ -246,7 +246,7 @@ def test_the_quadruped_s_feet_grip_the_floor(pull: tuple[float, float, float]) -
     assert max(moved) < 0.02
 
 
-def test_the_quadruped_crouches_when_told_to() -> None:
+def test_the_quadruped_crouches_on_command() -> None:
     model = load("quadruped")
     data = at_keyframe(model, "home")
     thigh, calf = 1.1, -2.2
@@ -365,7 +365,7 @@ def test_the_mobile_base_glides_without_friction_until_the_wall_stops_it() -> No
     assert data.qvel[0] < 0.25
 
 
-def test_a_force_moves_the_box_as_newton_says() -> None:
+def test_a_force_moves_the_box_as_newton_s_law_predicts() -> None:
     model = load("box")
     data = at_keyframe(model, "home")
     force, mass, steps = 4.0, 2.0, 500

@@ -189,7 +189,7 @@ def test_comments_that_name_the_plugin_do_not_matter(here):
     assert sensor_names(model) == ["scan"]
 
 
-def test_a_sensor_without_a_name_keeps_its_place_and_is_said(here, caplog):
+def test_a_sensor_without_a_name_keeps_its_place_and_is_reported(here, caplog):
     model = loaded(here, scene(f'{inline(config(), name="")}<gyro name="after" site="s"/>'))
     assert sensor_names(model) == [None, "after"]
     assert lidar_sensors(model) == {}

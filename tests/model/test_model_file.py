@@ -102,7 +102,7 @@ def test_a_missing_file_says_where_it_was_looked_for(here):
     assert refusal("/nowhere/ball.xml") == "there is no model 'ball.xml' in /nowhere"
 
 
-def test_broken_mjcf_comes_with_the_words_of_mujoco(here):
+def test_broken_mjcf_is_reported_in_the_words_of_mujoco(here):
     (here / "bad.xml").write_text("<mujoco>\n<worldbody>\n<bdy/>\n</worldbody>\n</mujoco>")
     assert refusal("bad.xml") == (
         f"{here}/bad.xml: XML Error: Schema violation: unrecognized element; Element 'bdy', line 3"

@@ -173,7 +173,7 @@ def test_a_reset_restores_the_initial_state_bit_for_bit_and_keeps_time_going(arm
     assert arm_world.simulation.time_ns == 1_200_000_000
 
 
-def test_a_reset_tells_every_stepper_once_before_the_reset_callbacks(arm_world):
+def test_a_reset_calls_every_stepper_once_before_the_reset_callbacks(arm_world):
     recorder, seen = Recorder(arm_world.simulation), []
     arm_world.loop.steppers.add(recorder)
     arm_world.loop.on_reset.append(lambda: seen.append((recorder.resets, arm_world.simulation.epoch)))
@@ -220,7 +220,7 @@ def test_a_divergence_is_found_at_the_same_step_whether_batched_or_not():
     assert world.simulation.step == first_bad_step() - 1
 
 
-def test_divergence_with_reset_policy_restores_the_initial_state_and_goes_on(caplog):
+def test_divergence_with_reset_policy_restores_the_initial_state_and_continues(caplog):
     world = diverging_world("reset")
     world.loop.step(first_bad_step() + 500)
     assert world.simulation.epoch == 1
@@ -300,7 +300,7 @@ def test_a_speed_factor_that_waits_for_centuries_is_fine(arm_model):
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 @pytest.mark.parametrize("active", [False, True], ids=["batch", "active"])
-def test_after_a_divergence_is_repaired_the_world_goes_on_without_a_reset(integrator, active):
+def test_after_a_divergence_is_repaired_the_world_continues_without_a_reset(integrator, active):
     """MuJoCo's warm start holds NaN after a bad step; it must be rewound with the state."""
     world = World(
         mujoco.MjModel.from_xml_string(

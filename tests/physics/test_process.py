@@ -25,7 +25,7 @@ def _windows(monkeypatch):
 
 
 @pytest.mark.usefixtures("_windows")
-def test_where_the_platform_lacks_a_measure_the_server_goes_on_without_it():
+def test_where_the_platform_lacks_a_measure_the_server_continues_without_it():
     assert process.prefer_this_thread() == {"scheduler slice": False, "timer slack": False}
     assert process.clear_timer_callback() is False
 

@@ -115,7 +115,7 @@ def test_a_cancelled_timer_fires_no_more_and_is_forgotten():
     assert scheduler.next_due == NEVER
 
 
-def test_a_slow_service_goes_on_at_its_step_and_answers_once():
+def test_a_slow_service_continues_at_its_step_and_answers_once():
     scheduler, answers, seen = Clocked(), Answers(), []
 
     def work():
@@ -258,7 +258,7 @@ def test_a_service_that_yields_what_is_no_wait_is_refused_and_cleaned_up(wrong, 
     assert "a service yields step numbers (int) or events" in answers.refusals[0]
 
 
-def test_a_wait_for_a_step_that_was_reached_goes_on_at_once():
+def test_a_wait_for_a_step_that_was_reached_continues_at_once():
     scheduler, answers, seen = Clocked(step=5), Answers(), []
 
     def work():
@@ -293,7 +293,7 @@ def test_after_an_event_a_wait_counts_from_the_present_step():
     assert scheduler.next_due == NEVER
 
 
-def test_a_service_that_never_lets_time_go_on_is_ended(caplog):
+def test_a_service_that_never_lets_time_advance_is_stopped(caplog):
     scheduler, answers, cleaned = Clocked(step=3), Answers(), []
 
     def work():

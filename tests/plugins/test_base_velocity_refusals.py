@@ -60,7 +60,7 @@ def test_a_command_that_is_not_finite_is_ignored_and_the_one_before_it_holds(bad
     assert tuple(world.data.qvel[[6, 7, 11]]) == (0.0, 0.0, 0.0)
 
 
-def test_ignored_commands_are_counted_and_said_once_and_at_the_end(caplog):
+def test_ignored_commands_are_counted_and_reported_once_and_at_the_end(caplog):
     world = world_of()
     for bad in NOT_FINITE:
         command(world, *bad)

@@ -82,7 +82,7 @@ def test_the_sky_is_in_the_image_and_turns_with_the_camera():
 
 @pytest.mark.parametrize("euler", ["0 0 0", "90 0 0", "60 30 10", "140 -20 70", "180 0 0"])
 @pytest.mark.parametrize("optics", [FOVY, SKEW], ids=["fovy", "skew"])
-def test_the_sky_is_known_for_what_it_is_wherever_one_looks(euler, optics):
+def test_the_sky_is_recognised_from_every_view(euler, optics):
     """With a wall before it, as far away as anything can be."""
     wall = '<geom type="box" size=".1 60 60" pos="64 0 0"/>'
     _, depth, info, world = seen(scene(eye(optics, f'pos="0 0 1" euler="{euler}"'), wall))
@@ -110,7 +110,7 @@ def test_a_sky_that_is_not_where_it_used_to_be_is_left_out_by_drawing_twice(monk
     assert np.isinf(pixels(depth)[expected < 0]).all()
 
 
-def test_a_colour_image_is_the_same_whoever_listens_to_the_depth():
+def test_a_colour_image_is_the_same_with_and_without_depth_subscribers():
     xml = scene(eye(where='pos="0 0 2" euler="85 0 0"'), QUARTERS + '<geom type="plane" size="0 0 1"/>')
     world = world_of(xml)
     world.loop.step(100)
@@ -194,14 +194,14 @@ def test_colours_are_red_green_blue_and_the_first_row_is_the_top(quality):
 
 
 @pytest.mark.parametrize(("background", "expected"), [("inf", np.inf), ("nan", np.nan), ("far", 100.0), ("zero", 0.0)])
-def test_the_depth_of_nothing_is_as_chosen(background, expected):
+def test_the_background_depth_is_as_configured(background, expected):
     _, depth, *_ = seen(scene(eye(), QUARTERS), background=background)
     z = pixels(depth)
     assert z[24, 32] == pytest.approx(1.95, rel=1e-3)
     assert z[0, 0] == pytest.approx(expected, nan_ok=True)
 
 
-def test_by_default_nothing_is_infinitely_far():
+def test_the_default_background_depth_is_infinite():
     _, depth, *_ = seen(scene(eye(), QUARTERS))
     assert pixels(depth)[0, 0] == np.inf
 
@@ -231,7 +231,7 @@ def test_an_image_shows_the_very_state_of_its_stamp():
         assert pixels(depth)[24, 32] == pytest.approx(4.0 - top, rel=1e-5)
 
 
-def test_what_can_be_looked_through_is_in_no_depth_whoever_listens():
+def test_translucent_objects_are_in_no_depth_image():
     glass = '<geom type="box" size=".5 .5 .05" pos="0 0 1" rgba="1 1 1 .3"/>'
     world = world_of(scene(eye(), FLOOR + glass))
     world.loop.step(100)

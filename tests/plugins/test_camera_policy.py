@@ -73,7 +73,7 @@ def test_cameras_of_different_sizes_share_the_state_of_one_instant():
     assert worker(world).status.performed == len(front.keys() | wrist.keys())
 
 
-def test_only_what_is_listened_to_is_published():
+def test_only_topics_with_subscribers_are_published():
     world = world_of(scene(TWO))
     listen(world, "front/depth", "wrist/camera_info")
     world.loop.step(100)
@@ -81,7 +81,7 @@ def test_only_what_is_listened_to_is_published():
     assert published == {"/cameras/front/depth", "/cameras/wrist/camera_info"}
 
 
-def test_with_nobody_listening_the_cameras_sleep_until_somebody_does():
+def test_cameras_sleep_until_a_topic_has_a_subscriber():
     world = world_of(scene(TWO))
     listen(world)
     world.loop.step(250)
@@ -93,7 +93,7 @@ def test_with_nobody_listening_the_cameras_sleep_until_somebody_does():
     assert stamps(world, "wrist/depth/compressedDepth") == [0.6, 0.8, 1.0]
 
 
-def test_a_camera_whose_neighbour_of_another_rate_nobody_listens_to_publishes_all_the_same():
+def test_a_camera_publishes_if_a_camera_of_another_rate_has_no_subscriber():
     world = world_of(scene(TWO), camera_publish_rate=5.0, wrist={"publish_rate": 10.0})
     listen(world, "front/color")
     world.loop.step(200)
@@ -159,7 +159,7 @@ def test_triggers_at_a_time_are_all_answered():
     assert worker(world).status.dropped == {}
 
 
-def test_a_trigger_draws_even_if_nobody_listens_and_says_so():
+def test_a_trigger_draws_even_without_subscribers_and_reports_it():
     world = world_of(scene(TWO), front=POLLED)
     listen(world)
     call = world.call("/cameras/front/trigger")
@@ -212,7 +212,7 @@ def test_a_busy_process_gets_the_newest_state_and_what_it_misses_is_counted(capl
     assert diagnosis(world).level == Level.OK
 
 
-def test_diagnostics_say_what_draws_and_how_many_images_a_second():
+def test_diagnostics_report_the_renderer_and_the_image_rate():
     world = world_of(scene(TWO), camera_publish_rate=50.0)
     world.loop.step(500)
     second(world)
@@ -256,7 +256,7 @@ def warnings(caplog):
     return [text for text in told if not text.startswith("rendering with ")]
 
 
-def test_a_camera_that_reaches_less_than_half_of_its_rate_is_told_once_a_minute(clock, caplog):
+def test_a_camera_that_reaches_less_than_half_of_its_rate_is_reported_once_a_minute(clock, caplog):
     world = world_of(scene(TWO), camera_publish_rate=10.0, wrist={"publish_rate": 2.0})
     health = worker(world).status
     health.starved = 0.9
@@ -291,7 +291,7 @@ def test_drops_are_counted_by_topic(clock):
     assert dropped == {"dropped on /cameras/front/color": "4", "dropped on /cameras/front/camera_info": "4"}
 
 
-def test_a_camera_that_keeps_up_is_not_told(clock, caplog):
+def test_a_camera_that_keeps_up_is_not_reported(clock, caplog):
     world = world_of(scene(TWO), camera_publish_rate=10.0, wrist={"publish_rate": 0.5})
     caplog.clear()
     seconds(world, clock, 30, lambda: world.loop.step(500))
@@ -330,7 +330,7 @@ def test_the_settings_of_the_process_are_those_of_the_configuration():
     assert (spec.priority, spec.job_timeout) == ("idle", 5.0)
 
 
-def test_in_software_the_log_says_so_once(caplog):
+def test_in_software_the_log_reports_it_once(caplog):
     world = world_of(scene(TWO))
     world.loop.step(1)
     spec = worker(world).spec

@@ -77,7 +77,7 @@ def test_in_lockstep_every_image_arrives_with_its_state_s_time(serve):
 
 
 @pytest.mark.usefixtures("gl")
-def test_a_killed_process_is_replaced_and_triggers_go_on(serve):
+def test_a_killed_process_is_replaced_and_triggers_continue(serve):
     server = serve("trigger_timeout: 60, eye: {policy: polled}")
     with Client(server.endpoint) as client:
         depth = client.listen("cameras/eye/depth")

@@ -111,7 +111,7 @@ def test_an_exception_in_a_plugin_stops_the_server_loudly_by_default(arm_world, 
     assert caplog.records[0].exc_info
 
 
-def test_with_the_disable_policy_the_plugin_is_switched_off_and_the_rest_goes_on(arm_world, caplog):
+def test_with_the_disable_policy_the_plugin_is_switched_off_and_the_rest_continues(arm_world, caplog):
     plugin = Fragile()
     host = arm_world.host("fragile", disable_on_error=True)
     host.attach(plugin)

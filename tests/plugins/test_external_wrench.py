@@ -178,7 +178,7 @@ def test_an_unknown_value_of_wait_is_refused(world):
     assert not world.data.qvel.any()
 
 
-def test_a_reset_ends_every_wrench_and_says_so(world):
+def test_a_reset_ends_every_wrench_and_reports_it(world):
     call = ask(world, push(force=(5, 0, 0), duration=10.0))
     world.loop.step(10)
     world.loop.reset(Reset())

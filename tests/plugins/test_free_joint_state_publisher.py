@@ -226,7 +226,7 @@ def test_bodies_without_a_free_joint_are_refused_with_those_that_have_one(names,
     assert str(caught.value) == reason
 
 
-def test_unnamed_bodies_are_left_out_and_said(caplog):
+def test_unnamed_bodies_are_left_out_and_reported(caplog):
     world = scene(SCENE.replace('name="ball"', ""))
     publisher(world)
     world.loop.step(1)
@@ -236,7 +236,7 @@ def test_unnamed_bodies_are_left_out_and_said(caplog):
     ]
 
 
-def test_a_model_without_free_bodies_publishes_empty_messages_and_says_so(caplog):
+def test_a_model_without_free_bodies_publishes_empty_messages_and_reports_it(caplog):
     world = scene("<mujoco><worldbody><body name='a'><joint/><geom size='1'/></body></worldbody></mujoco>")
     publisher(world, frame_id="a")
     world.loop.step(1)
@@ -265,7 +265,7 @@ def test_a_rate_that_does_not_divide_the_step_rate_has_an_exact_mean():
     assert [m.header.stamp.to_ns() for m in messages(world)][-70::69] == [9_016_000_000, 10_000_000_000]
 
 
-def test_nothing_is_computed_while_nobody_listens():
+def test_nothing_is_computed_without_subscribers():
     world = scene()
     publisher(world)
     world.transport.publishers[TOPIC].matched = False

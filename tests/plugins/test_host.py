@@ -40,7 +40,7 @@ def test_a_timer_needs_a_positive_period(host, period):
         host.create_timer(period, lambda: None)
 
 
-def test_a_timer_bound_to_a_publisher_sleeps_while_nobody_listens(arm_world, host):
+def test_a_timer_bound_to_a_publisher_sleeps_without_subscribers(arm_world, host):
     fired = []
     publisher = host.create_publisher(String, "/words")
     fake = arm_world.transport.publishers["/words"]
@@ -56,7 +56,7 @@ def test_a_timer_bound_to_a_publisher_sleeps_while_nobody_listens(arm_world, hos
     assert fired == [5, 10, 115, 120]
 
 
-def test_a_timer_bound_to_several_publishers_sleeps_while_nobody_listens_to_any(arm_world, host):
+def test_a_timer_bound_to_several_publishers_sleeps_if_none_has_a_subscriber(arm_world, host):
     fired = []
     publishers = [host.create_publisher(String, name) for name in ("/words", "/more")]
     words, more = (arm_world.transport.publishers[name] for name in ("/words", "/more"))
@@ -84,7 +84,7 @@ def test_a_subscription_with_a_depth_delivers_the_newest_in_order(arm_world, hos
     assert got == ["c", "d"]
 
 
-def test_a_message_that_the_plugin_refuses_is_logged_once_a_second_and_the_plugin_goes_on(arm_world, host, caplog):
+def test_a_message_that_the_plugin_refuses_is_logged_once_a_second_and_the_plugin_continues(arm_world, host, caplog):
     def refuse(message):
         raise RequestError(f"no joint {message.data!r}")
 
@@ -97,7 +97,7 @@ def test_a_message_that_the_plugin_refuses_is_logged_once_a_second_and_the_plugi
     assert len(caplog.messages) < 10
 
 
-def test_an_error_in_a_service_reaches_its_client_and_the_server_goes_on(arm_world, host, caplog):
+def test_an_error_in_a_service_reaches_its_client_and_the_server_continues(arm_world, host, caplog):
     def fail(request, call):
         raise ValueError("broken")
 

@@ -156,7 +156,7 @@ def test_actuators_can_be_given_to_a_joint():
     assert world.data.ctrl[4] == 1.5
 
 
-def test_controls_stay_within_the_ranges_and_that_is_said_once(caplog):
+def test_controls_are_limited_to_the_ranges_and_this_is_reported_once(caplog):
     world = world_of()
     for velocity in (3.0, 9.0):
         command(world, ["rail", "elbow"], velocity=[velocity, math.nan], effort=[math.nan, -7.0])
@@ -237,7 +237,7 @@ def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_posit
         (["wrist", "shoulder"], {"effort": [1.0, 0.0], "position": [0.0, 1e300]}, "of joint 'shoulder' is 1e+300"),
     ],
 )
-def test_a_message_that_is_wrong_moves_nothing_and_is_counted(names, values, sentence, caplog):
+def test_an_invalid_message_moves_nothing_and_is_counted(names, values, sentence, caplog):
     world = world_of()
     for _ in range(3):
         command(world, names, **values)
@@ -251,7 +251,7 @@ def test_a_message_that_is_wrong_moves_nothing_and_is_counted(names, values, sen
     assert f"3 messages on {TOPIC} were refused in all" in caplog.text
 
 
-def test_what_a_joint_cannot_do_is_said_once_and_the_rest_of_the_message_counts(caplog):
+def test_what_a_joint_cannot_do_is_reported_once_and_the_rest_of_the_message_counts(caplog):
     world = world_of()
     for _ in range(3):
         command(world, ["shoulder", "wrist", "loose", "ghost"], position=[0.2, 0.3, 0.4, 0.5])

@@ -95,7 +95,7 @@ def test_its_quality_of_service_suits_best_effort_and_reliable_subscriptions_ali
     assert world_of().transport.qos[TOPIC] == QoS(depth=10, reliability="reliable", durability="volatile")
 
 
-def test_nothing_is_built_while_nobody_listens():
+def test_nothing_is_built_without_subscribers():
     world = world_of()
     world.transport.publishers[TOPIC].matched = False
     world.loop.step(100)

@@ -68,7 +68,7 @@ def test_a_timeout_ends_an_effort_beside_a_position_that_came_later():
     assert world.data.ctrl[[1, 4]].tolist() == [0.4, 0.0]
 
 
-def test_a_timeout_ends_an_effort_beside_a_trajectory_that_came_later_and_goes_on():
+def test_a_timeout_ends_an_effort_beside_a_trajectory_that_came_later_and_continues():
     world = world_of(WITH_FEEDFORWARD)
     command(world, ["shoulder"], effort=[2.0])
     goal = JointTrajectoryPoint(positions=[0.5], time_from_start=Duration(sec=1))

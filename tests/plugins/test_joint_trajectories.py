@@ -117,7 +117,7 @@ def test_a_stamp_in_the_past_joins_the_trajectory_where_it_is_now():
     assert servo(world) == pytest.approx(0.25)
 
 
-def test_a_new_trajectory_takes_over_the_joints_that_it_names_and_others_go_on():
+def test_a_new_trajectory_takes_over_the_joints_that_it_names_and_others_continue():
     world = world_of(pid_gains={"position": {"elbow": {"p": 10.0}}})
     world.transport.send(TOPIC, trajectory(["shoulder", "elbow"], point(1.0, [1.0, 1.0])))
     world.loop.step(100)
@@ -132,7 +132,7 @@ def test_a_new_trajectory_takes_over_the_joints_that_it_names_and_others_go_on()
     assert bank.setpoint[0] == 1.0
 
 
-def test_from_the_desired_state_a_new_trajectory_goes_on_without_a_jump():
+def test_from_the_desired_state_a_new_trajectory_continues_without_a_jump():
     world = world_of(interpolate_from_desired_state=True)
     world.transport.send(TOPIC, trajectory(["shoulder"], point(1.0, [1.0])))
     world.loop.step(100)
@@ -233,7 +233,7 @@ def refused(world, message):
         ),
     ],
 )
-def test_what_is_wrong_moves_nothing_and_is_told_in_the_diagnostics(message, sentence, caplog):
+def test_an_invalid_trajectory_moves_nothing_and_is_reported_in_the_diagnostics(message, sentence, caplog):
     world = world_of()
     world.loop.step(500)
     told = refused(world, message)

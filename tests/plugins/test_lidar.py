@@ -265,7 +265,7 @@ def test_rate_0_is_every_step():
     assert scans[0].scan_time == 0.0
 
 
-def test_scans_go_on_after_a_reset_with_the_state_put_back():
+def test_scans_continue_after_a_reset_with_the_state_put_back():
     world = world_of(room(), scan=lidar(9))
     first = rays_now(world, np.linspace(-3, 3, 9), [0.0])[0]
     world.data.qvel[0] = 3.0
@@ -278,7 +278,7 @@ def test_scans_go_on_after_a_reset_with_the_state_put_back():
     assert np.allclose(scans[2].ranges, first, rtol=1e-6)
 
 
-def test_only_lidars_that_somebody_listens_to_are_cast():
+def test_only_lidars_with_subscribers_are_cast():
     world = world_of(room(), scan=lidar(4), cloud=lidar(4, 4))
     world.transport.publishers["/points"].matched = False
     world.loop.step(100)
@@ -314,7 +314,7 @@ def test_a_busy_worker_gets_the_newest_state():
     assert worker.status.dropped == {"scan": 2}
 
 
-def test_diagnostics_say_how_the_worker_fares_and_how_long_a_scan_took():
+def test_diagnostics_report_the_worker_and_the_duration_of_a_scan():
     world = world_of(room(), scan=lidar(4))
     world.loop.step(60)
     world.loop.step(1)
@@ -329,7 +329,7 @@ def test_physics_waits_for_scans_only_if_asked_to():
         assert world_of(room(), scan=lidar(4), sync=sync).workers.workers["lidar"].spec.sync is sync
 
 
-def test_work_that_is_lost_is_said_once(caplog):
+def test_lost_work_is_reported_once(caplog):
     world = world_of(room(), scan=lidar(4))
     spec = world.workers.workers["lidar"].spec
     for _ in range(3):

@@ -62,7 +62,7 @@ def ahead(model):
     return measure
 
 
-def test_what_the_configuration_says_outranks_the_model(model):
+def test_the_configuration_overrides_the_model(model):
     world = World(model)
     world.add(Lidar, "lidar", front={"update_rate": 50.0, "resolution": (5, 1), "max_range": 2.0, "min_range": 0.5})
     world.loop.step(100)
@@ -209,11 +209,11 @@ def test_an_unknown_lidar_is_refused_with_the_known_ones(model):
     )
 
 
-def test_a_lidar_without_a_site_is_told_that_just_the_site_is_missing(model):
+def test_a_lidar_without_a_site_gets_an_error_that_names_the_site(model):
     assert refusal(model, mine=FREE).endswith("these parameters are missing: site")
 
 
-def test_what_a_new_lidar_lacks_is_said(model):
+def test_what_a_new_lidar_lacks_is_reported(model):
     assert refusal(model, mine={"site": "top"}) == (
         "lidar 'mine': these parameters are missing: resolution, azimuth_range, elevation_range, max_range"
     )
@@ -238,7 +238,7 @@ def test_what_does_not_fit_together_is_refused(model):
     )
 
 
-def test_lidars_that_share_a_topic_are_said(model, caplog):
+def test_lidars_that_share_a_topic_are_reported(model, caplog):
     world = World(model)
     world.add(Lidar, "lidar", mine=FREE | {"site": "fixed"}, cloud=FREE | {"site": "top", "resolution": (2, 2)} | SLOPE)
     assert [r.getMessage() for r in caplog.records] == ["lidars front, mine publish on the same topic, /scan"]
@@ -246,7 +246,7 @@ def test_lidars_that_share_a_topic_are_said(model, caplog):
     assert len(world.published("/scan")) + len(world.published("/points")) > 0
 
 
-def test_a_model_without_lidars_is_said(box_world, caplog):
+def test_a_model_without_lidars_is_reported(box_world, caplog):
     box_world.add(Lidar, "lidar")
     assert [r.getMessage() for r in caplog.records] == [
         "the model has no mujoco.plugin.lidar sensor and no lidar is configured: nothing is published"

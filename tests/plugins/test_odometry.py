@@ -113,7 +113,7 @@ def test_the_numbers_are_those_that_mujoco_has_of_the_body_at_the_stamp(xml, bod
         assert wxyz(message.pose.pose.orientation) == pytest.approx(data.xquat[which], abs=1e-12)
 
 
-def test_listening_to_a_planar_base_does_not_change_its_way():
+def test_subscribing_to_the_odometry_does_not_change_the_motion():
     ends = []
     for matched in (True, False):
         world = world_of(PLANAR, body="mast")
@@ -158,7 +158,7 @@ def test_the_transform_says_the_same_as_the_message():
 
 
 @pytest.mark.parametrize("deaf", ["/tf", "/odom"])
-def test_only_what_is_listened_to_is_sent(deaf):
+def test_only_topics_with_subscribers_are_published(deaf):
     world = world_of(publish_tf=True)
     world.transport.publishers[deaf].matched = False
     world.loop.step(5)

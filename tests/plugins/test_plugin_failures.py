@@ -108,7 +108,9 @@ def test_under_stop_the_server_ends_with_the_name_of_the_plugin_and_the_error(se
 
 
 @pytest.mark.parametrize("hook", ["update", "timer", "on_reset", "subscription"])
-def test_under_disable_the_plugin_is_switched_off_once_and_the_server_goes_on(serve, monkeypatch, caplog, hook, error):
+def test_under_disable_the_plugin_is_switched_off_once_and_the_server_continues(
+    serve, monkeypatch, caplog, hook, error
+):
     monkeypatch.setattr(Hooked, "hook", hook)
     server, transport = serve("disable")
     for _ in range(50):
@@ -124,7 +126,7 @@ def test_under_disable_the_plugin_is_switched_off_once_and_the_server_goes_on(se
 
 @pytest.mark.parametrize("hook", ["immediate", "slow"])
 @pytest.mark.parametrize("policy", ["stop", "disable"])
-def test_an_error_in_a_service_goes_to_its_client_and_the_plugin_goes_on(serve, monkeypatch, hook, policy, error):
+def test_an_error_in_a_service_goes_to_its_client_and_the_plugin_continues(serve, monkeypatch, hook, policy, error):
     monkeypatch.setattr(Hooked, "hook", hook)
     server, transport = serve(policy)
     call = transport.call(f"/{hook}")

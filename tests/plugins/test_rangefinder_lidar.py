@@ -227,7 +227,7 @@ def test_very_many_missing_rays_are_not_all_named():
     assert sentence.endswith("lidar-20, lidar-21, … (999999999999 in all)")
 
 
-def test_rays_beyond_the_last_angle_are_left_out_and_said(caplog):
+def test_rays_beyond_the_last_angle_are_left_out_and_reported(caplog):
     world = world_of(room(rays(9)), lidar=lidar(5))
     world.loop.step(100)
     assert len(scans(world)[0].ranges) == 5
@@ -280,14 +280,14 @@ def test_without_parameters_for_any_lidar_the_plugin_refuses():
     )
 
 
-def test_a_model_without_lidars_is_said(caplog):
+def test_a_model_without_lidars_is_reported(caplog):
     world_of(room())
     assert [r.getMessage() for r in caplog.records] == [
         "the model has no rangefinder named <lidar>-<number>: nothing is published"
     ]
 
 
-def test_lidars_without_parameters_are_left_out_and_said(caplog):
+def test_lidars_without_parameters_are_left_out_and_reported(caplog):
     world = world_of(room(rays(5), rays(5, name="rear-{}"), rays(5, name="top-{}")), lidar=lidar())
     assert set(world.transport.publishers) == {"/scan"}
     assert [r.getMessage() for r in caplog.records] == [
@@ -318,7 +318,7 @@ def test_the_default_rate_is_5_hz_and_a_reset_restarts_its_phase():
     assert [s.header.stamp.to_ns() for s in scans(world)] == [200_000_000, 500_000_000, 700_000_000]
 
 
-def test_nothing_is_cast_while_nobody_listens():
+def test_nothing_is_cast_without_subscribers():
     world = world_of(room(rays(5)), lidar=lidar())
     world.transport.publishers["/scan"].matched = False
     world.loop.step(500)

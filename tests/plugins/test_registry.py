@@ -48,7 +48,7 @@ def write(path, text):
     return path
 
 
-def test_everything_wrong_with_settings_and_plugins_comes_out_at_once_with_its_place(tmp_path):
+def test_all_errors_in_settings_and_plugins_are_reported_at_once_with_their_positions(tmp_path):
     config = write(
         tmp_path / "bad.yaml",
         """\

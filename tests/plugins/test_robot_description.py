@@ -53,7 +53,7 @@ def test_the_mark_that_some_editors_put_first_is_not_part_of_it(describe, tmp_pa
     assert describe(file="robot.urdf") == URDF
 
 
-def test_a_model_that_includes_others_comes_in_one_piece(describe, tmp_path):
+def test_a_model_that_includes_others_is_published_as_one_file(describe, tmp_path):
     (tmp_path / "part.xml").write_text(MJCF)
     scene = tmp_path / "scene.xml"
     scene.write_text('<mujoco><include file="part.xml"/></mujoco>')

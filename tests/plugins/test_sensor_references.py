@@ -127,7 +127,7 @@ def test_a_ball_joint_turns_in_the_axes_of_its_body():
         ),
     ],
 )
-def test_parts_that_are_not_at_one_place_are_told_of(old, new, names, caplog):
+def test_parts_that_are_not_at_one_place_are_reported(old, new, names, caplog):
     assert old in SCENE
     xml = SCENE.replace(old, new).replace("REFTYPE", "xbody").replace("REFNAME", "head")
     world = World(mujoco.MjModel.from_xml_string(xml))

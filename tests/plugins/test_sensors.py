@@ -279,7 +279,7 @@ def test_any_other_sensor_is_a_number_or_a_vector_in_its_frame():
     assert xyz(speed.vector) == pytest.approx((0.0, 2.0, 0.0), abs=1e-9)
 
 
-def test_nothing_is_built_while_nobody_listens_and_only_what_is_listened_to():
+def test_only_messages_with_subscribers_are_built():
     world = world_of()
     for publisher in world.transport.publishers.values():
         publisher.matched = False

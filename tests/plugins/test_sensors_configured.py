@@ -183,7 +183,7 @@ def test_noise_has_the_standard_deviation_that_the_model_says_and_is_in_the_cova
     assert all(message.range == np.inf for message in world.published("/sensors/eye/range"))
 
 
-def test_noise_is_the_same_in_every_run_whoever_listens_and_another_for_another_seed():
+def test_noise_is_the_same_in_every_run_for_any_subscribers_and_another_for_another_seed():
     def positions(seed, *others):
         world = world_of(noise=True, seed=seed)
         return series(world, "torso/pose", lambda message: xyz(message.pose.position), *others)

@@ -182,7 +182,7 @@ def test_sites_and_cameras_are_chosen():
     assert set(fixed(world_of(cameras=False, sites=["unsensed"]))) == {"table", "bracket", "unsensed"}
 
 
-def test_chosen_bodies_hang_on_the_nearest_chosen_one_above_them():
+def test_chosen_bodies_have_the_nearest_selected_ancestor_as_parent():
     world = world_of(bodies=["hand", "arm"], cameras=False, sites=["sonar_site"])
     world.data.joint("yaw").qvel[0] = 2.0
     world.data.joint("roll").qvel[0] = 1.0
@@ -243,7 +243,7 @@ def test_a_frame_can_be_fixed_to_a_camera_that_moves_by_itself():
     assert rotation == pytest.approx(axes @ turn, abs=1e-9)
 
 
-def test_stamps_go_on_at_a_reset_and_poses_come_back():
+def test_stamps_continue_at_a_reset_and_poses_come_back():
     world = world_of()
     world.data.joint("yaw").qvel[0] = 2.0
     world.loop.step(100)
@@ -254,7 +254,7 @@ def test_stamps_go_on_at_a_reset_and_poses_come_back():
     assert moving(world)["base"][2] == pytest.approx(np.eye(3), abs=1e-6)
 
 
-def test_nothing_is_computed_while_nobody_listens():
+def test_nothing_is_computed_without_subscribers():
     world = world_of()
     world.transport.publishers["/tf"].matched = False
     world.loop.step(10)

@@ -162,7 +162,7 @@ def test_bounds_and_arrays_have_the_hash_that_rosbags_gives_them():
     assert type_hash(Bounds) == store.hash_rihs01(Bounds.TYPE)
 
 
-def test_a_definition_says_all_there_is():
+def test_a_definition_is_complete():
     assert definition(Everything) == EVERYTHING
 
 

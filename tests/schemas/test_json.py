@@ -194,7 +194,7 @@ def test_every_type_has_a_json_schema_with_all_its_fields(message):
 NUMBER = {"anyOf": [{"type": "number"}, {"enum": ["NaN", "Infinity", "-Infinity"], "type": "string"}]}
 
 
-def test_the_json_schema_tells_ranges_bounds_and_units():
+def test_the_json_schema_contains_ranges_bounds_and_units():
     assert Header.model_json_schema()["$defs"]["Time"]["properties"]["sec"] == {
         "default": 0,
         "description": "Whole seconds since the clock's origin, rounded down [s].",

@@ -282,12 +282,12 @@ def test_of_the_view_a_viewer_may_look_and_an_operator_may_drag(enter, name, thr
 
 
 @pytest.mark.parametrize("name", ["bob", "eve"])
-def test_whoever_was_revoked_or_has_expired_cannot_connect(keys, gate, name):
+def test_a_revoked_or_expired_certificate_cannot_connect(keys, gate, name):
     with pytest.raises(zenoh.ZError):
         Client(keys.path / f"{name}.json5", gate.endpoint, patience_ms=1000)
 
 
-def test_without_a_certificate_nobody_can_connect(keys, gate, tmp_path):
+def test_connecting_without_a_certificate_fails(keys, gate, tmp_path):
     file = tmp_path / "nobody.json5"
     file.write_text(f'{{mode: "client", transport: {{link: {{tls: {{root_ca_certificate: "{keys.path}/ca.pem"}}}}}}}}')
     with pytest.raises(zenoh.ZError):

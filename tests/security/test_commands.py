@@ -47,7 +47,7 @@ def test_a_client_connects_to_the_endpoint_in_its_file(tmp_path):
     assert "connection refused by tls/localhost:1: no mjplug server listens there;" in ran.stderr
 
 
-def test_show_tells_who_has_a_certificate(tmp_path):
+def test_show_lists_the_certificates(tmp_path):
     keys = KeyFolder.create(tmp_path / "keys", ["localhost"])
     keys.add("eve", "viewer", days=-1.0)
     assert run("keys", "revoke", "operator", cwd=tmp_path).stdout == "operator is revoked\n"
@@ -82,12 +82,12 @@ def test_show_tells_who_has_a_certificate(tmp_path):
         (("add", "x", "--role", "king"), 2, "'king' is unknown; roles are operator, viewer, worker, server"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_a_sentence(tmp_path, words, code, sentence):
+def test_failures_are_reported_in_one_sentence(tmp_path, words, code, sentence):
     ended = run("keys", *words, cwd=tmp_path)
     assert (ended.returncode, sentence in ended.stderr) == (code, True), ended.stderr
 
 
-def test_without_the_library_the_line_to_install_it_is_said(tmp_path):
+def test_without_the_library_the_line_to_install_it_is_reported(tmp_path):
     ended = run("keys", "init", cwd=tmp_path, command=WITHOUT_CRYPTOGRAPHY)
     assert ended.returncode == 1
     assert ended.stderr == (
@@ -131,6 +131,6 @@ def test_doctor_finds_the_doors_that_are_open_to_whom(tmp_path):
         unsafe.kill()
 
 
-def test_doctor_says_that_nobody_listens(tmp_path):
+def test_doctor_reports_that_no_server_is_listening(tmp_path):
     ended = run("doctor", "--security", "-e", "tcp/127.0.0.1:1", cwd=tmp_path)
     assert (ended.returncode, "nobody listens at tcp/127.0.0.1:1" in ended.stderr) == (5, True)

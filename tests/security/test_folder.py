@@ -101,7 +101,7 @@ def test_a_client_cannot_sign_certificates_that_the_server_accepts(keys, tmp_pat
     assert read.extensions.get_extension_for_class(x509.KeyUsage).value.key_cert_sign is False
 
 
-def test_nobody_but_the_owner_can_read_the_folder(keys):
+def test_only_the_owner_can_read_the_folder(keys):
     for path in [keys.path, *keys.path.rglob("*")]:
         assert stat.S_IMODE(path.stat().st_mode) == (0o700 if path.is_dir() else 0o600), path
 
@@ -122,7 +122,7 @@ def test_a_wrong_host_leaves_nothing_so_that_a_second_attempt_works(tmp_path, ho
     assert KeyFolder.create(tmp_path / "keys", ["sim_1.lab.example", "192.168.1.5", "fd00::5"]).identities
 
 
-def test_what_cannot_be_written_is_said_and_a_second_attempt_works(tmp_path):
+def test_what_cannot_be_written_is_reported_and_a_second_attempt_works(tmp_path):
     (tmp_path / "operator.json5").mkdir()
     with pytest.raises(KeysError, match=r"cannot write .*operator\.json5: "):
         KeyFolder.create(tmp_path, ["localhost"])
@@ -138,7 +138,7 @@ def test_a_folder_that_was_there_keeps_its_mode(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", '{"format": 1}', '{"format": 1, "port": 1, "identities": [{}]}', "{"])
-def test_a_damaged_list_is_said_to_be_damaged(tmp_path, text):
+def test_a_damaged_list_is_reported_as_damaged(tmp_path, text):
     path = KeyFolder.create(tmp_path, ["localhost"]).path
     (path / "keys.json").write_text(text)
     with pytest.raises(KeysError, match=r"keys\.json (is damaged|cannot be read)"):
@@ -186,7 +186,7 @@ def test_what_was_written_is_read_again(keys):
         (lambda keys: keys.revoke("server"), "make a new authority in another folder"),
     ],
 )  # fmt: skip
-def test_a_wrong_wish_is_refused_with_a_sentence_and_changes_nothing(keys, act, sentence):
+def test_an_invalid_request_is_refused_with_a_message_and_changes_nothing(keys, act, sentence):
     before = dict(keys.identities)
     with pytest.raises(KeysError, match=sentence):
         act(keys)

@@ -132,7 +132,7 @@ def test_wrong_roles_are_refused_at_the_start(tmp_path, told, sentence):
     assert re.search(sentence, ended.stderr)
 
 
-def test_a_client_whose_certificate_is_not_valid_yet_is_told_to_compare_the_clocks(tmp_path, monkeypatch):
+def test_a_client_whose_certificate_is_not_valid_yet_gets_the_advice_to_compare_the_clocks(tmp_path, monkeypatch):
     keys = KeyFolder.create(tmp_path / "keys", ["localhost"])
     with monkeypatch.context() as ahead:
         # As on a machine whose clock is ahead of the server's.

@@ -55,7 +55,7 @@ def settings_of(server):
     return server._prepared.loaded.settings
 
 
-def test_a_running_server_answers_its_client_and_is_gone_after_the_block():
+def test_a_running_server_answers_its_client_and_is_stopped_after_the_block():
     with open_server("bundled:box", plugins=["heartbeat"]) as server:
         assert (server.name, server.running) == ("/mjplug", True)
         client = server.client()
@@ -71,7 +71,7 @@ def test_a_running_server_answers_its_client_and_is_gone_after_the_block():
     server.stop()
 
 
-def test_a_server_listens_on_a_free_port_of_this_machine_unless_it_is_told_otherwise(tmp_path, monkeypatch):
+def test_a_server_listens_on_a_free_port_of_this_machine_unless_configured_otherwise(tmp_path, monkeypatch):
     monkeypatch.delenv("MJPLUG_ZENOH__LISTEN", raising=False)
     with open_server("bundled:box", run=False) as one, open_server("bundled:box", run=False) as other:
         assert one.endpoint.startswith("tcp/127.0.0.1:")
@@ -302,7 +302,7 @@ def fail(server):
         client.publish("/echo/words", String(data="fail"))
 
 
-def test_a_failure_of_the_physics_thread_is_raised_by_whoever_waits_or_stops():
+def test_a_failure_of_the_physics_thread_is_raised_by_wait_and_stop():
     failed = r"plugin echo failed: RuntimeError\('as told'\) \(on_plugin_error: stop\)"
     server = open_server("bundled:box", plugins={"echo": Echo})
     fail(server)
@@ -367,7 +367,7 @@ def run_script(text, tmp_path, *options):
     )  # fmt: skip
 
 
-def test_a_program_that_forgets_to_stop_its_servers_ends_all_the_same(tmp_path):
+def test_a_program_that_forgets_to_stop_its_servers_still_ends(tmp_path):
     done = run_script(
         """
         from mjplug import open_server

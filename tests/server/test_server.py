@@ -92,7 +92,7 @@ def test_a_plugin_that_refuses_stops_the_start_and_the_others_are_cleaned_up(arm
     assert EVENTS == ["init a", "init c", "cleanup c", "cleanup refusing", "cleanup a"]
 
 
-def test_what_every_plugin_refuses_is_said_at_once(arm_model):
+def test_what_every_plugin_refuses_is_reported_at_once(arm_model):
     with pytest.raises(PluginError) as refused:
         serve(arm_model, ("a", Refusing), ("b", Good), ("c", Broken), ("d", Refusing))
     assert str(refused.value) == (

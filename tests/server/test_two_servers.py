@@ -176,7 +176,7 @@ def settle(measure, wanted, within=10.0):
 
 
 @pytest.mark.parametrize("run", [True, False], ids=["run", "stepped"])
-def test_whatever_the_order_of_their_ends_the_process_is_as_before(run, monkeypatch):
+def test_in_any_order_of_stopping_the_process_is_as_before(run, monkeypatch):
     def theirs(text):
         raise AssertionError(text)
 

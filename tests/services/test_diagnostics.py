@@ -101,7 +101,7 @@ def test_statuses_are_published_at_speed_max_and_during_a_long_step_request(serv
     assert len(world.topic.messages) == 6
 
 
-def test_nobody_is_asked_while_nobody_listens(serve, clock):
+def test_diagnostics_are_not_computed_without_subscribers(serve, clock):
     world = serve(paused=True)
     asked = []
     world.host("camera").create_diagnostic("", lambda: asked.append(clock.now) or Diagnosis())
@@ -113,7 +113,7 @@ def test_nobody_is_asked_while_nobody_listens(serve, clock):
     assert len(asked) == len(world.topic.messages) == 1
 
 
-def test_the_time_while_nobody_listened_is_not_in_the_figures(serve, clock):
+def test_the_time_without_subscribers_is_not_in_the_figures(serve, clock):
     world = serve()
     world.topic.matched = False
     look(world, clock, 100.0)
@@ -162,7 +162,7 @@ def test_messages_that_newer_ones_replaced_are_counted_by_topic_without_a_warnin
     assert status.level == DiagnosticStatus.OK
 
 
-def test_the_simulation_tells_its_rates_over_the_last_second(serve, clock):
+def test_the_simulation_reports_its_rates_over_the_last_second(serve, clock):
     world = serve(speed=2.0)
     look(world, clock)
     world.loop.step(800)
@@ -179,7 +179,7 @@ def test_the_simulation_tells_its_rates_over_the_last_second(serve, clock):
     assert (values(status)["state"], values(status)["step time p99 (us)"]) == ("paused", "0")
 
 
-def test_the_time_that_steps_take_is_told(serve, clock):
+def test_the_time_that_steps_take_is_reported(serve, clock):
     world = serve()
     look(world, clock)
 
@@ -205,7 +205,7 @@ def test_the_time_that_steps_take_is_told(serve, clock):
     assert float(values(look(world, clock)["simulation"])["step time p99 (us)"]) == pytest.approx(1000.0)
 
 
-def test_the_lateness_of_steps_is_told(serve, clock):
+def test_the_lateness_of_steps_is_reported(serve, clock):
     world = serve(speed=1.0)
     world.loop.turn()
     look(world, clock)
@@ -301,7 +301,9 @@ class Unspeakable:
     ],
     ids=["raises", "says nothing", "has another level", "has no words"],
 )
-def test_a_task_that_fails_is_an_error_itself_logged_once_and_hurts_nobody(serve, clock, caplog, task, sentence):
+def test_a_task_that_fails_is_an_error_itself_logged_once_and_does_not_affect_others(
+    serve, clock, caplog, task, sentence
+):
     world = serve()
     world.host("camera").create_diagnostic("front", task)
     world.host("lidar").create_diagnostic("", Diagnosis)
@@ -357,7 +359,7 @@ def test_a_worker_has_a_status(health, level, message):
     assert (said.values["state"], said.values["jobs performed"]) == (health.state, health.performed)
 
 
-def test_a_worker_tells_what_it_dropped_for_each_task(serve, clock):
+def test_a_worker_reports_what_it_dropped_for_each_task(serve, clock):
     world = serve()
     health = WorkerStatus("running", performed=9, dropped={"rear": 2, "front": 1}, restarts=4)
     world.host("camera").create_diagnostic("worker", lambda: worker_diagnosis(health))

@@ -53,7 +53,7 @@ def asked(world):
     return DiagnosticArray.from_json(response.message)
 
 
-def test_who_asks_gets_at_once_what_the_topic_says(world, clock):
+def test_a_request_returns_the_diagnostics_of_the_topic_immediately(world, clock):
     world.loop.step(5)
     answer = asked(world)
     assert [status.name for status in answer.status] == ["sim: simulation", "sim: inbox"]

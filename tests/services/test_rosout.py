@@ -142,7 +142,7 @@ def test_a_publisher_that_fails_ends_it_with_one_line_elsewhere(world, caplog):
     ]
 
 
-def test_a_line_that_cannot_be_made_hurts_nobody(world, capsys):
+def test_a_line_that_cannot_be_made_does_not_affect_others(world, capsys):
     logging.getLogger("mjplug.odd").handlers.clear()
     record = logging.LogRecord("mjplug.odd", logging.INFO, "f", 1, "%d", ("no number",), None)
     (handler,) = [h for h in logging.getLogger().handlers if type(h).__module__ == log_scope.__name__]

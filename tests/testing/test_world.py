@@ -181,7 +181,7 @@ def test_a_worker_that_is_held_keeps_the_newest_state_and_all_tasks():
     assert worker.work.closed
 
 
-def test_a_worker_that_is_unavailable_says_so(monkeypatch):
+def test_a_worker_that_is_unavailable_reports_it(monkeypatch):
     monkeypatch.setattr(Delegating, "reason", "no graphics card")
     world = World()
     plugin = world.add(Delegating, "count")

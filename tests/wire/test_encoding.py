@@ -182,7 +182,7 @@ def test_a_type_name_that_zenoh_cannot_send_is_refused_before_zenoh_panics():
     assert str(encoding_of("json", TooLong)) == "application/json"
 
 
-def test_a_refusal_is_told_in_the_words_of_the_type():
+def test_a_refusal_uses_the_fields_of_the_type():
     class Finished(Message, package="test_msgs"):
         success: boolean = True
         status_message: string = ""

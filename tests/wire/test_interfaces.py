@@ -65,7 +65,7 @@ def test_what_is_declared_later_is_listed_too(busy_network, client):
     assert [service["name"] for service in after["services"]] == ["/mjplug/go", "/later"]
 
 
-def test_a_subscriber_hears_of_each_change_and_can_ask_for_it(busy_network, client):
+def test_a_subscriber_is_notified_of_each_change_and_can_query_it(busy_network, client):
     changes = client.listen("mjplug/interfaces")
     client.settle()
     for number in (1, 2):
@@ -75,7 +75,7 @@ def test_a_subscriber_hears_of_each_change_and_can_ask_for_it(busy_network, clie
     assert changes.empty()
 
 
-def test_schemas_are_told_on_request(busy_network, client):
+def test_schemas_are_returned_on_request(busy_network, client):
     types = client.call("mjplug/interfaces?schema=true").json["types"]
     assert types.keys() == {"rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist", "std_srvs/srv/Trigger"}
     assert "builtin_interfaces/Time clock" in types["rosgraph_msgs/msg/Clock"]["definition"]

@@ -51,7 +51,7 @@ def test_a_subscription_returns_when_its_publishers_know_of_it_however_late_zeno
         release.set()
 
 
-def test_a_publisher_hears_of_its_first_subscriber_once(network):
+def test_a_publisher_is_notified_of_its_first_subscriber_once(network):
     appeared = []
     publisher = network.open_publisher(Topic("/x", String, DEFAULT), lambda: appeared.append("once"))
     with connect(network.session.endpoint) as client:
@@ -128,7 +128,7 @@ def test_only_the_socket_of_the_link_is_touched():
 
 
 @linux_only
-def test_links_from_the_same_port_of_two_machines_are_told_apart():
+def test_links_from_the_same_port_of_two_machines_are_distinguished():
     with ExitStack() as stack:
         listening = stack.enter_context(socket.create_server(("", 0)))
         port = listening.getsockname()[1]
@@ -223,7 +223,7 @@ def test_an_endpoint_beyond_loopback_without_authentication_is_reported(endpoint
         assert "or listen on 127.0.0.1" in line
 
 
-def test_a_server_that_everybody_can_reach_says_so_at_its_start(new_network, caplog):
+def test_a_server_that_everybody_can_reach_reports_it_at_its_start(new_network, caplog):
     with caplog.at_level(logging.WARNING, "mjplug.wire"):
         new_network("/guarded")
         assert caplog.messages == []
@@ -252,7 +252,7 @@ def test_with_connect_and_listen_a_server_is_a_router_beside_that_router(network
     assert client.call("robot2/interfaces").json["name"] == "/robot2"
 
 
-def test_a_server_waits_for_the_router_that_it_is_told_to_connect_to(opened, new_network, caplog):
+def test_a_server_waits_for_the_router_that_it_is_configured_to_connect_to(opened, new_network, caplog):
     endpoint = on_free_port("tcp/127.0.0.1:0")
     found = queue.SimpleQueue()
     with caplog.at_level(logging.WARNING, "mjplug.wire"):

@@ -47,7 +47,7 @@ def publisher(*writers):
     return WirePublisher(Topic("/x", Counted, DEFAULT), writers)
 
 
-def test_nothing_is_encoded_for_nobody(encoded):
+def test_nothing_is_encoded_without_subscribers(encoded):
     writers = [KeyWriter("cdr", False), KeyWriter("json", False)]
     one = publisher(*writers)
     assert not one.matched
@@ -57,7 +57,7 @@ def test_nothing_is_encoded_for_nobody(encoded):
 
 
 @pytest.mark.parametrize("form", ["cdr", "json"])
-def test_only_the_form_that_somebody_wants_is_encoded(encoded, form):
+def test_only_the_requested_encoding_is_encoded(encoded, form):
     writers = [KeyWriter("cdr", form == "cdr"), KeyWriter("json", form == "json")]
     one = publisher(*writers)
     assert one.matched

@@ -123,7 +123,7 @@ def test_a_link_that_is_full_of_what_a_tenant_publishes_loses_nothing_of_the_ser
         subscriber.undeclare()
 
 
-def test_nobody_can_join_where_nobody_is(opened):
+def test_joining_without_a_server_fails(opened):
     network = open_network(SETTINGS, "/gone")
     endpoints = network.session.endpoints
     network.close()

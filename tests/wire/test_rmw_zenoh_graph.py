@@ -123,7 +123,7 @@ def test_the_listing_names_the_keys(network, client):
     assert [service["ros2_key"] for service in listing["services"]] == [WRENCH_KEY]
 
 
-def test_another_definition_of_a_type_is_said_aloud_once(network, client, caplog):
+def test_another_definition_of_a_type_is_reported_once(network, client, caplog):
     told = queue.SimpleQueue()
     client_token = client.session.liveliness().declare_token
     zid = str(client.session.zid())

@@ -127,7 +127,7 @@ def router(opened):
 
 
 @pytest.mark.parametrize("version", [None, *OLDER])
-def test_a_foreign_node_hears_steers_calls_and_lists(opened, start_peer, version):
+def test_a_foreign_node_subscribes_publishes_calls_and_lists(opened, start_peer, version):
     network = opened(open_network(SessionSettings(listen=("tcp/127.0.0.1:0",)), "/robot1/mjplug", ros2=RosSettings()))
     assert network.session.role == "router"
     meet(network, start_peer, version)

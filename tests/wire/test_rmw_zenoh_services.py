@@ -116,7 +116,7 @@ def test_a_client_that_leaves_the_hash_open_gets_ours(network, client):
 
 
 @pytest.mark.parametrize("payload", [b"\0\1\0\0\7", b"{}", b"", b"\0\1", bytes(2 << 20)])
-def test_a_request_that_cannot_be_read_gets_a_response_that_says_so(network, client, payload):
+def test_a_request_that_cannot_be_read_gets_an_error_response(network, client, payload):
     network.open_service(ServiceName("/switch", SetBool), lambda call: call.respond(SetBool.Response(success=True)))
     client.settle()
     key = RosSettings().data_key("/switch", SetBool)
@@ -191,7 +191,7 @@ def with_names(number, stamp, sender):
 
 
 @pytest.mark.parametrize("attachment", [with_names(7, 1234, WHO), b"sequence_number", bytes(32), bytes(50)])
-def test_a_node_whose_attachments_are_others_is_told_so_and_does_not_wait(network, client, attachment):
+def test_a_node_whose_attachments_are_others_gets_an_error_and_does_not_wait(network, client, attachment):
     calls = []
     network.open_service(ServiceName("/trigger", Trigger), calls.append)
     network.open_service(ServiceName("/empty", Empty), calls.append)

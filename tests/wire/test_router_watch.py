@@ -96,7 +96,7 @@ def test_a_server_that_stops_while_it_takes_over_leaves_no_router(often):
     assert closed.is_set()
 
 
-def test_a_server_that_hosts_a_router_for_everybody_says_so(often, opened, caplog):
+def test_a_server_that_hosts_a_router_for_everybody_reports_it(often, opened, caplog):
     endpoint = on_free_port("tcp/0.0.0.0:0")
     first = opened(open_session(SessionSettings(listen=(endpoint,)), "/first"))
     second = opened(open_session(SessionSettings(listen=(endpoint,)), "/second"))

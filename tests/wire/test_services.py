@@ -86,7 +86,7 @@ def test_a_bad_request_gets_a_sentence_and_the_next_one_is_served(client, served
     assert client.call(served, b'{"data": true}').json == YES.model_dump()
 
 
-def test_a_bad_request_of_a_ros_client_gets_a_response_that_says_so(client, served):
+def test_a_bad_request_of_a_ros_client_gets_an_error_response(client, served):
     answer = client.call(served, b"\0\1\0\0\7", attachment=BRIDGE)
     assert answer.ok
     response = SetBool.Response.from_cdr(answer.payload)
@@ -102,7 +102,7 @@ def test_a_ros_client_gets_a_response_even_where_the_type_cannot_say_that_it_fai
     assert any("std_srvs/srv/Empty has no field for a failure" in line for line in caplog.messages)
 
 
-def test_a_refusal_is_a_response_where_the_type_can_say_so_and_an_error_otherwise(client, network):
+def test_a_refusal_is_a_response_where_the_type_can_report_it_and_an_error_otherwise(client, network):
     network.open_service(ServiceName("/trigger", Trigger), lambda call: call.refuse("not now"))
     network.open_service(ServiceName("/empty", Empty), lambda call: call.refuse("not now"))
     assert client.call("trigger").json == {"success": False, "message": "not now"}
@@ -156,7 +156,7 @@ def test_three_hundred_requests_in_flight_are_all_answered_from_another_thread(c
     assert len(network.open_calls) == 0
 
 
-def test_over_the_limit_a_client_is_told_that_the_server_is_busy(new_network, client_of):
+def test_over_the_limit_a_client_gets_the_error_that_the_server_is_busy(new_network, client_of):
     network = new_network(max_open_calls=2)
     calls = queue.SimpleQueue()
     network.open_service(ServiceName("/trigger", Trigger), calls.put)
@@ -226,7 +226,7 @@ def test_open_calls_are_answered_before_the_network_closes(client, network):
     held[0].respond(Trigger.Response(success=True))
 
 
-def test_open_calls_can_be_refused_while_the_server_goes_on(client, network):
+def test_open_calls_can_be_refused_while_the_server_continues(client, network):
     calls = queue.SimpleQueue()
     network.open_service(ServiceName("/trigger", Trigger), calls.put)
     answers = queue.SimpleQueue()

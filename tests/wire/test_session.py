@@ -163,7 +163,7 @@ def warned():
     logger.removeHandler(handler)
 
 
-def test_networks_with_one_name_that_are_joined_later_say_so(new_network, warned):
+def test_networks_with_one_name_that_are_joined_later_report_it(new_network, warned):
     late = on_free_port("tcp/127.0.0.1:0")
     first = new_network("/mjplug", connect=(late,))
     second = new_network("/mjplug", listen=(late,))
@@ -189,7 +189,7 @@ def test_a_client_connects_and_listens_nowhere(network, new_network, client):
     assert client.call("robot2/interfaces").json["name"] == "/robot2"
 
 
-def test_a_client_that_nobody_answers_says_where_it_tried(foreign):
+def test_a_client_without_a_server_reports_where_it_tried(foreign):
     endpoint = on_free_port("tcp/127.0.0.1:0")
     with pytest.raises(WireError, match=f"cannot connect to {endpoint}: Unable to connect"):
         open_session(SessionSettings(mode="client", connect=(endpoint,)), "/mjplug")

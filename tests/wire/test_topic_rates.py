@@ -12,7 +12,7 @@ from mjplug_schemas.std_msgs import Float64
 PATIENCE = 5.0
 
 
-def test_the_rates_of_topics_that_somebody_listens_to_are_told(network, client):
+def test_the_rates_of_topics_with_subscribers_are_reported(network, client):
     appeared = threading.Event()
     heard = network.open_publisher(Topic("/heard", Float64, DEFAULT), appeared.set)
     twin = network.open_publisher(Topic("/heard", Float64, DEFAULT))

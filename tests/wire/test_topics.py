@@ -83,7 +83,7 @@ def test_a_listener_to_everything_readable_and_one_to_everything_see_each_messag
     assert readable.empty()
 
 
-def test_nobody_matches_until_somebody_listens_and_nobody_does_after_the_last_has_left(network, client_of, matches):
+def test_a_publisher_is_matched_from_its_first_to_its_last_subscriber(network, client_of, matches):
     publisher = network.open_publisher(Topic("/chatter", String, DEFAULT), matches)
     assert not publisher.matched
     publisher.publish(HELLO)
@@ -246,7 +246,7 @@ def test_a_topic_has_one_type(network):
         network.open_subscription(Topic("/x", Float64, DEFAULT), print)
 
 
-def test_after_the_close_a_publisher_is_silent(network, client, matches):
+def test_after_the_close_a_publisher_publishes_nothing(network, client, matches):
     live = network.open_publisher(Topic("/x", String, DEFAULT), matches)
     latched = network.open_publisher(Topic("/y", String, LATCHED))
     client.listen("x")

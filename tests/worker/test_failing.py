@@ -53,7 +53,7 @@ def test_an_idle_process_that_is_killed_comes_back_too(server):
     assert told.lost == []
 
 
-def test_a_work_that_fails_is_told_and_begins_anew(server, told_errors):
+def test_a_work_that_fails_is_reported_and_is_restarted(server, told_errors):
     told = server.order(works.Raises()).wait_for_ready()
     _, pid = told.perform("good")
     told.submit(["bad", "other"])
@@ -173,7 +173,7 @@ def test_an_environment_in_which_mujoco_cannot_be_imported_is_not_available(serv
     assert told.status.reason.startswith("MuJoCo cannot be imported with MUJOCO_GL=crayons: RuntimeError")
 
 
-def test_a_lockstep_with_an_unavailable_work_goes_on(server):
+def test_a_lockstep_with_an_unavailable_work_continues(server):
     told = server.order(works.CrashesOnOpening(), sync=True)
     for _ in range(3):
         told.submit_in_lockstep("a")

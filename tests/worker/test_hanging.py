@@ -189,7 +189,7 @@ def test_time_in_which_nobody_looked_does_not_count(used):
         assert watch.check(now, "job", False) == ""
 
 
-def test_the_system_tells_how_long_a_process_computed():
+def test_the_system_reports_how_long_a_process_computed():
     before = usage(os.getpid())
     if before is None:
         pytest.skip("this system does not tell")

@@ -84,7 +84,7 @@ def test_a_server_that_is_a_client_itself_has_its_processes_on_the_same_network(
     assert JointState.from_cdr(bytes(samples.get(timeout=PATIENCE).payload)).name == ("a",)
 
 
-def test_who_begins_to_listen_gets_messages_and_who_ends_is_forgotten(server, client):
+def test_subscribers_can_start_and_stop_at_any_time(server, client):
     told = server.order(works.Tells()).wait_for_ready()
     for n in range(5):
         samples = client.listen("told")
@@ -159,7 +159,7 @@ def test_in_lockstep_every_step_has_its_message(server, client):
     assert told.status.dropped == {}
 
 
-def test_whoever_begins_to_listen_right_before_an_answered_job_gets_its_message(server):
+def test_a_subscriber_right_before_an_answered_job_gets_its_message(server):
     told = server.order(works.Tells()).wait_for_ready()
     for number in range(20):
         latecomer = Client(server.network.session.endpoint)
