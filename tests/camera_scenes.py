@@ -122,7 +122,7 @@ def need_opengl():
 
 @pytest.fixture(scope="module")
 def gl():
-    """OpenGL in this process, through whatever there is."""
+    """OpenGL in this process, with any backend that works."""
     backend = need_opengl()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(BACKEND_VARIABLE, backend)

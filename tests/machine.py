@@ -14,7 +14,7 @@ BYTECODE = str(Path(tempfile.gettempdir(), f"mjplug-bytecode-{os.getuid()}"))
 
 
 def lacking(reason: str) -> NoReturn:
-    """Skips the running test, or fails it where nothing may be left out."""
+    """Skips the running test, or fails it if skipping is not allowed."""
     (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)
 
 

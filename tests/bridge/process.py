@@ -1,4 +1,4 @@
-"""The bridge in an interpreter of its own."""
+"""Runs the bridge in a separate Python interpreter."""
 
 import json
 import os
@@ -17,7 +17,7 @@ PYTHON = os.environ.get("MJPLUG_ROS_PYTHON", sys.executable)
 """The Python of ROS, with rclpy and zenoh; another one with zenoh gets the stand-in."""
 
 REAL = subprocess.run([PYTHON, "-c", "import rclpy"], capture_output=True, check=False).returncode == 0
-"""Whether there is an rclpy besides the stand-in."""
+"""Whether a real rclpy is installed, not only the stand-in."""
 
 # The tests themselves need no more than its message packages.
 sys.path[:0] = [str(STAND_IN), str(SOURCE)]

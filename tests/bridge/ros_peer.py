@@ -1,4 +1,4 @@
-"""A ROS node that does what the tests say, in ROS's own Python: that of the tests may be too new for it, or its numpy.
+"""A ROS node controlled by the tests, in ROS's Python, because the tests' Python or numpy may be too new for rclpy.
 
 Reads orders from the connection in `ROS_PEER`: a number, a verb and its arguments. Writes what each of them returns,
 and the news that come of it later, which are messages and responses, with its number.

@@ -1,4 +1,4 @@
-"""What users of the bridge have, a ROS node; it runs in a process of its own, `ros_peer`."""
+"""A ROS node as users of the bridge have one; it runs in a separate process, `ros_peer`."""
 
 import queue
 import subprocess
@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from bridge.process import PYTHON
 from cli.process import environment
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 """How long anything may take on a machine with other work [s]."""
 
 
@@ -22,7 +22,7 @@ class Inbox:
         self._messages = queue.SimpleQueue()
         self.add = self._messages.put
 
-    def next(self, within=PATIENCE):
+    def next(self, within=TIMEOUT):
         try:
             return self._messages.get(timeout=within)
         except queue.Empty:
@@ -34,7 +34,7 @@ class Inbox:
 
 
 class Answer:
-    """The response to a call that is under way."""
+    """The response to a pending call."""
 
     def __init__(self, inbox):
         self._inbox = inbox
@@ -69,18 +69,18 @@ class RosSide:
         return self._order("subscribe", name, type_name, reliable, latched)[1]
 
     def publisher(self, name, type_name):
-        """A function that publishes bytes, to somebody who listens."""
+        """Returns a function that publishes bytes, after a subscriber was found."""
         publisher, _ = self._order("publisher", name, type_name)
         self.until(lambda: self._ask("readers", publisher) > 0)
         return lambda payload: self._ask("publish", publisher, payload)
 
     def is_ready(self, name, type_name):
-        """A function that tells whether a service is there."""
+        """Returns a function that returns whether a service is available."""
         client, _ = self._order("client", name, type_name)
         return lambda: self._ask("ready", client)
 
     def send(self, name, type_name, **fields):
-        """Calls a service once it is there."""
+        """Calls a service as soon as it is available."""
         client, _ = self._order("client", name, type_name)
         self.until(lambda: self._ask("ready", client))
         return Answer(self._order("send", client, type_name, fields)[1])
@@ -92,8 +92,8 @@ class RosSide:
         """The types that a topic has."""
         return self._ask("types", name)
 
-    def until(self, condition, within=PATIENCE):
-        """Waits for something in the graph, of which rclpy does not tell."""
+    def until(self, condition, within=TIMEOUT):
+        """Waits for a change of the ROS graph that rclpy does not report."""
         end = time.monotonic() + within
         while not condition():
             assert time.monotonic() < end, f"not within {within} s"
@@ -106,7 +106,7 @@ class RosSide:
     def close(self):
         self._send("leave")
         try:
-            self._process.wait(PATIENCE)
+            self._process.wait(TIMEOUT)
         finally:
             self._process.kill()
             self._process.wait()

@@ -1,4 +1,4 @@
-"""Runs the bridge as its entry point does, and tells at the end what it has imported besides the standard library."""
+"""Runs the bridge like its entry point, and prints at the end the modules imported besides the standard library."""
 
 import atexit
 import sys

@@ -1,4 +1,4 @@
-"""The page about the bridge says what the bridge does."""
+"""The documentation of the bridge matches its behaviour."""
 
 import re
 import shlex

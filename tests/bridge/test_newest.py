@@ -7,11 +7,11 @@ import zenoh
 
 from mjplug_schemas.std_msgs import String
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 
 
 class SlowReader:
-    """Handles a message only when the test lets it."""
+    """Handles a message only when the test allows it."""
 
     def __init__(self):
         self.handled = []
@@ -21,7 +21,7 @@ class SlowReader:
     def handle(self, message):
         self.handled.append(message)
         self.entered.release()
-        assert self.leave.acquire(timeout=PATIENCE)
+        assert self.leave.acquire(timeout=TIMEOUT)
 
 
 @pytest.mark.parametrize(("depth", "kept"), [(1, [99]), (3, [97, 98, 99]), (0, [99]), (1000, list(range(1, 100)))])
@@ -31,16 +31,16 @@ def test_of_the_messages_that_wait_the_newest_are_kept(depth, kept):
     reader = SlowReader()
     newest = Newest(reader.handle, depth)
     newest.add(0)
-    assert reader.entered.acquire(timeout=PATIENCE)
+    assert reader.entered.acquire(timeout=TIMEOUT)
     for number in range(1, 100):
         newest.add(number)
     for _ in kept:
         reader.leave.release()
-        assert reader.entered.acquire(timeout=PATIENCE)
+        assert reader.entered.acquire(timeout=TIMEOUT)
     reader.leave.release()
     assert reader.handled == [0, *kept]
     newest.add(100)
-    assert reader.entered.acquire(timeout=PATIENCE)
+    assert reader.entered.acquire(timeout=TIMEOUT)
     reader.leave.release()
     newest.close()
     assert reader.handled[-1] == 100
@@ -53,7 +53,7 @@ def test_nothing_is_handled_after_the_end():
     newest = Newest(reader.handle, 10)
     for number in range(5):
         newest.add(number)
-    assert reader.entered.acquire(timeout=PATIENCE)
+    assert reader.entered.acquire(timeout=TIMEOUT)
     newest.close()
     newest.close()
     newest.add(5)
@@ -87,7 +87,7 @@ class FakeNode:
 
 @pytest.fixture
 def to_ros(monkeypatch):
-    """Makes the ROS side of a topic, on a Zenoh session of its own; returns what puts a message on it."""
+    """Creates the ROS side of a topic on a separate Zenoh session; returns a function that puts a message on it."""
     import rclpy
 
     from mjplug_bridge_ros2.listing import QoS, TopicEntry
@@ -115,12 +115,12 @@ def test_a_topic_whose_publisher_is_slow_drops_its_oldest_messages(to_ros):
     reader = SlowReader()
     put = to_ros(FakeNode(reader.handle), 2)
     put("first")
-    assert reader.entered.acquire(timeout=PATIENCE)
+    assert reader.entered.acquire(timeout=TIMEOUT)
     for number in range(50):
         put(str(number))
     for _ in range(2):
         reader.leave.release()
-        assert reader.entered.acquire(timeout=PATIENCE)
+        assert reader.entered.acquire(timeout=TIMEOUT)
     reader.leave.release()
     assert [String.from_cdr(payload).data for payload in reader.handled] == ["first", "48", "49"]
 
@@ -139,7 +139,7 @@ def test_a_message_that_ros_refuses_does_not_end_its_topic(to_ros):
     put = to_ros(node, 10)
     for word in ("wrong", "right", "wrong", "right"):
         put(word)
-        assert came.acquire(timeout=PATIENCE)
+        assert came.acquire(timeout=TIMEOUT)
     assert published == ["wrong", "right", "wrong", "right"]
     (sentence,) = node.errors
     assert sentence.startswith("a message on the key words could not be published in ROS")

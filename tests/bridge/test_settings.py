@@ -1,4 +1,4 @@
-"""The parameters: what they do, and what is said if they are wrong."""
+"""The parameters of the bridge, and the errors for invalid values."""
 
 import pytest
 import yaml
@@ -144,7 +144,7 @@ def test_the_quality_of_service_is_the_servers_unless_a_parameter_says_otherwise
     publishers = {name: sim.publish(Topic(name, String, best_effort)) for name in ("/a", "/b")}
     own = bridge(sim.endpoint, qos_overrides={"/own/b": {"publisher": {"reliability": "reliable"}}})
     own.wait_for("/sim: 2 topics and 0 services are mapped")
-    # A publisher that promises nothing does not reach a subscription that asks for it.
+    # A best-effort publisher does not match a reliable subscription.
     demanding = {name: ros.subscribe(f"/own{name}", "std_msgs/msg/String") for name in publishers}
     modest = {name: ros.subscribe(f"/own{name}", "std_msgs/msg/String", reliable=False) for name in publishers}
     for name, publisher in publishers.items():

@@ -16,7 +16,7 @@ from mjplug_schemas.std_msgs import String, UInt64
 
 pytestmark = pytest.mark.ros
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +49,7 @@ def test_a_late_joiner_gets_the_last_message_of_a_latched_topic(ros, zenoh_clien
     epoch = state(zenoh_client)["epoch"]
     assert epoch >= 1
     first = ros.subscribe("/mjplug/epoch", "std_msgs/msg/UInt64", latched=True)
-    # The first may come before the bridge knows of the reset.
+    # The first message may arrive before the bridge has seen the reset.
     while (seen := UInt64.from_cdr(first.next()).data) != epoch:
         assert seen < epoch
     late = ros.subscribe("/mjplug/epoch", "std_msgs/msg/UInt64", latched=True)
@@ -57,7 +57,7 @@ def test_a_late_joiner_gets_the_last_message_of_a_latched_topic(ros, zenoh_clien
 
 
 def test_a_latched_topic_is_subscribed_even_without_ros_subscribers(ros, bridge, sim):
-    # Otherwise the next to subscribe would get what was last read for somebody else.
+    # Otherwise the next subscriber would get an old message of the previous subscriber.
     sim.publish(Topic("/a", String, LATCHED))
     bridge(sim.endpoint)
     with Client(sim.endpoint) as client:
@@ -98,14 +98,14 @@ def test_the_server_has_no_subscriber_without_ros_subscribers(ros, zenoh_client)
     # The subscription of a test before this one may not be gone yet.
     listener = publisher.declare_matching_listener(Callback(changed, indirect=False))
     with changes:
-        assert changes.wait_for(lambda: not matched or not matched[-1], PATIENCE)
+        assert changes.wait_for(lambda: not matched or not matched[-1], TIMEOUT)
     inbox = ros.subscribe("/mujoco_heartbeat", "std_msgs/msg/String")
     with changes:
-        assert changes.wait_for(lambda: matched and matched[-1], PATIENCE)
+        assert changes.wait_for(lambda: matched and matched[-1], TIMEOUT)
     inbox.next()
     ros.forget()
     with changes:
-        assert changes.wait_for(lambda: not matched[-1], PATIENCE)
+        assert changes.wait_for(lambda: not matched[-1], TIMEOUT)
     listener.undeclare()
     publisher.undeclare()
 

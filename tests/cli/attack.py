@@ -28,7 +28,7 @@ VALID = {
 
 
 def effects(world):
-    """What a request could change; nothing moves by itself, for there is neither gravity nor speed."""
+    """The state that a request could change; without gravity and velocity, nothing moves by itself."""
     state = world.state()
     return {name: state[name] for name in ("qpos", "qvel", "xfrc", "epoch")}
 

@@ -27,7 +27,7 @@ class Answer:
 
     @property
     def sentence(self):
-        """The reason in a refusal, whichever way it was said."""
+        """Returns the reason of a refusal, from an error reply or from a response."""
         if self.ok:
             assert self.json["success"] is False, self
             return self.json["message"]

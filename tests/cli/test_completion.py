@@ -26,7 +26,7 @@ def complete(*words, **variables):
 
 
 def complete_live(*words, **variables):
-    """Presses TAB until there is an answer: on a busy machine, a server does not always answer within the second."""
+    """Repeats completion until it returns something: on a busy machine, a server may take longer than a second."""
     until = time.monotonic() + STARTING
     while not (found := complete(*words, **variables)):
         assert time.monotonic() < until, words
@@ -157,7 +157,7 @@ def test_a_shell_gets_the_same_completions_with_and_without_typer(tour, shell, m
 
 
 def answered(answer, capsys, expected):
-    """Returns what a shell is told, and the exit code; asks again while what is expected is missing."""
+    """Returns the completions and the exit code; repeats the query while the expected ones are missing."""
     until = time.monotonic() + STARTING
     while True:
         code = 0

@@ -24,13 +24,13 @@ def schema():
     return Draft202012Validator(schema)
 
 
-def told_by_schema(schema, path):
-    """What the schema says against a file, whose values are as the server reads them."""
+def errors_of_schema(schema, path):
+    """Returns the schema errors of a file, with values converted as the server does."""
     return [f"{error.json_path}: {error.message}" for error in schema.iter_errors(read_document(path).value)]
 
 
-def told_by_server(path, model="bundled:arm"):
-    """What the server says against a file."""
+def errors_of_server(path, model="bundled:arm"):
+    """Returns the server's errors for a file."""
     names_model = "model" in (read_document(path).value or {})
     try:
         select(read(path, model=None if names_model else model, environ={}))
@@ -40,7 +40,7 @@ def told_by_server(path, model="bundled:arm"):
 
 
 def same(schema, path):
-    by_schema, by_server = told_by_schema(schema, path), told_by_server(path)
+    by_schema, by_server = errors_of_schema(schema, path), errors_of_server(path)
     assert bool(by_schema) == bool(by_server), (by_schema, by_server)
     return by_schema
 

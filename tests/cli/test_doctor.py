@@ -1,4 +1,4 @@
-"""`mjplug doctor`: what it says of machines as they may be, and of this one."""
+"""`mjplug doctor`: its report on simulated machines and on this one."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A stop that hangs: the process ends all the same, its last line says what hung, and nothing is left behind."""
+"""A stop that hangs: the process still ends, its last line names what hung, and nothing is left behind."""
 
 import signal
 import subprocess
@@ -43,7 +43,7 @@ def test_a_plugin_that_never_returns_from_update_is_named_with_its_line(hang):
     server.err.wait_for("hanging", STARTING)
     server.process.send_signal(signal.SIGTERM)
     loop = line_of("        while True:")
-    # The loop has two lines, either of which it may be in.
+    # The thread may be in either of the two lines of the loop.
     last = ends(server)
     assert last in [
         forced(f"plugin instance 'culprit' in update ({FILE}, line {line}: {text})")
@@ -79,7 +79,7 @@ def test_what_hangs_is_named(hang, plugin, what, number):
     if plugin in ("Timing", "Stepping", "Remaining"):
         server.err.wait_for("hanging", STARTING)
     if plugin == "Stepping":
-        # It cannot say more than that the next step hangs.
+        # The report can only say that the next step hangs.
         time.sleep(0.5)
     server.process.send_signal(number)
     assert f" and was ended: {what}" in ends(server)

@@ -1,4 +1,4 @@
-"""Clients that die, and clients that ask too much: everybody gets an answer, and the server goes on."""
+"""Clients that die and clients that send too many requests: all get a reply, and the server continues."""
 
 import json
 import subprocess

@@ -112,7 +112,7 @@ def test_ros2_control_s_joint_state_topic_system_drives_the_arm(served, connect)
         if all(abs(system.states["position"][joint] - value) < 0.03 for joint, value in goal.items()):
             break
     assert {joint: system.states["position"][joint] for joint in goal} == pytest.approx(goal, abs=0.03)
-    # It falls silent; what it said last is held.
+    # The publisher stops; its last command is held.
     for _ in range(200):
         state = system.wait_for_state()
     assert state.position[:2] == pytest.approx((0.6, -0.5), abs=0.03)

@@ -18,7 +18,7 @@ BODY = '<mujoco><worldbody><body name="cube"><freejoint/>{}</body></worldbody></
 
 @dataclass(frozen=True)
 class Mistake:
-    """The arguments of `serve`, the files it finds, and what it must say: parts of the text, in this order."""
+    """The arguments of `serve`, its files, and parts of the expected text, in this order."""
 
     arguments: str
     code: int

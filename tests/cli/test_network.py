@@ -26,7 +26,7 @@ def test_a_second_server_on_the_same_port_joins_the_first(first, serve, connect)
     assert client.do("second/set_pause", paused=True) == "the simulation is now paused"
     assert client.do("mjplug/set_pause", paused=False) == "the simulation is already running"
     assert client.ask("second/interfaces")["name"] == "/second"
-    # Another node_name leaves the other names as they are, which both say.
+    # Another node_name does not change the other names, and both servers warn about them.
     for server, other in ((first, "/second"), (second, "/mjplug")):
         assert server.err.wait_for(f"warning: this server and {other} on the same network use the same names: .*/clock")
     assert second.stop() == 0

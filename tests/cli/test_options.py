@@ -1,4 +1,4 @@
-"""What can be said on the command line, in the environment and in files, seen from outside."""
+"""Settings from the command line, the environment and files, tested from outside."""
 
 import json
 import re

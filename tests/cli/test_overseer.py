@@ -13,7 +13,7 @@ import pytest
 from mjplug.lifecycle import overseer_process
 
 WAITING = 20.0
-"""How long a test waits for what takes a second at most [s]; the machine may be busy."""
+"""Timeout for operations that take at most a second on an idle machine [s]."""
 
 TESTS = Path(__file__).parent.parent
 
@@ -134,7 +134,7 @@ def test_it_outlives_the_signals_that_stop_the_server(overseen):
 
 
 def test_it_does_not_watch_another_process_that_has_the_servers_number():
-    # This process stands for the other one: it is not the parent of the program.
+    # This process represents the other one: it is not the parent of the program.
     words = [overseer_process.__file__, os.getpid(), 0.0, *[0] * 6]
     with subprocess.Popen(["sh", "-c", '"$@"; exit $?', "sh", sys.executable, *map(str, words)]) as program:
         assert program.wait(WAITING) == 0

@@ -1,4 +1,4 @@
-"""What tells other programs that a server is ready, healthy or about to end."""
+"""Signals to other programs that a server is ready, healthy or stopping."""
 
 import json
 import os

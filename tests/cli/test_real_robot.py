@@ -62,7 +62,7 @@ class Where(Plugin[Parameters]):
 
 
 def pushed_directly(scene, force, still, pushed):
-    """Where MuJoCo itself says the block goes."""
+    """Returns the motion of the block, computed by MuJoCo alone."""
     model = mujoco.MjModel.from_xml_path(str(scene))
     data = mujoco.MjData(model)
     block = model.body("block").id

@@ -48,7 +48,7 @@ def route(tmp_path):
 
 
 def call_until_answered(client, name):
-    """Calls until there is an answer, and returns it."""
+    """Repeats a call until it succeeds, and returns the response."""
     until = time.monotonic() + BACK
     while True:
         try:

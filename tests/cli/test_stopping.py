@@ -1,4 +1,4 @@
-"""Every way to end a server: it answers whoever waits, says goodbye, and is gone."""
+"""Every way to stop a server: it answers waiting calls, logs the stop, and exits."""
 
 import signal
 import subprocess

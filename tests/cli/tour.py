@@ -109,7 +109,7 @@ def typed(*words):
 
 
 class Tour:
-    """A server, and somebody who types."""
+    """A server, and commands that a user types."""
 
     def __init__(self, folder):
         (folder / "tour.xml").write_text(WORLD)

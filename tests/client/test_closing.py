@@ -1,4 +1,4 @@
-"""What ends, when it ends, and what is said to whoever comes after."""
+"""Closing a client: what stops, when, and the errors of later calls."""
 
 import math
 import threading
@@ -9,7 +9,7 @@ from mjplug.client import ClientError, connect
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 SUBSCRIPTIONS = 25
 """By each of several threads."""
 
@@ -40,17 +40,17 @@ def test_closing_ends_the_waits_of_all_threads(server):
 
     def listen():
         mine = [client.subscribe("/nobody", String) for _ in range(SUBSCRIPTIONS)]
-        opened.wait(PATIENCE)
+        opened.wait(TIMEOUT)
         for subscription in mine:
             ended.append(list(subscription))
 
     threads = [threading.Thread(target=listen, daemon=True) for _ in range(4)]
     for thread in threads:
         thread.start()
-    opened.wait(PATIENCE)
+    opened.wait(TIMEOUT)
     client.close()
     for thread in threads:
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT)
     assert ended == [[]] * 4 * SUBSCRIPTIONS
 
 
@@ -67,9 +67,9 @@ def test_a_publisher_may_be_closed_while_another_thread_sends(client):
 
     sending = threading.Thread(target=send, daemon=True)
     sending.start()
-    assert begun.wait(PATIENCE)
+    assert begun.wait(TIMEOUT)
     publisher.close()
-    sending.join(PATIENCE)
+    sending.join(TIMEOUT)
     assert refused == ["the publisher of /chatter is closed"]
 
 
@@ -81,7 +81,7 @@ def test_a_callback_may_close_the_client(server):
         done.set()
 
     subscription = client.subscribe("/clock", Clock, callback)
-    assert done.wait(PATIENCE)
+    assert done.wait(TIMEOUT)
     assert subscription.closed
 
 

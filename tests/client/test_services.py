@@ -20,7 +20,7 @@ from mjplug_schemas.mujoco_ros2_control_msgs import (
 from mjplug_schemas.rcl_interfaces import Parameter, ParameterValue
 from mjplug_schemas.std_msgs import Header
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 
 
 def push(*seconds, force=1.0):
@@ -54,7 +54,7 @@ def test_a_request_that_is_refused_raises_with_the_reason_and_the_response(clien
 def test_an_error_reply_raises_with_its_sentence(client):
     vague = replace(client.service("~/set_pause"), key="*/set_pause")
     with pytest.raises(RequestRefused, match=r"set_pause is a service; query exactly this key") as refused:
-        request.send(client.session, vague, SetPause.Request(), SetPause, PATIENCE)
+        request.send(client.session, vague, SetPause.Request(), SetPause, TIMEOUT)
     assert refused.value.response is None
 
 
@@ -99,7 +99,7 @@ def test_a_wrench_is_waited_for_as_long_as_it_takes_at_the_speed_of_the_server(c
     try:
         began = time.monotonic()
         answer = client.call("/external_wrench/apply_wrench", push(0.4))
-        assert 0.75 < time.monotonic() - began < PATIENCE
+        assert 0.75 < time.monotonic() - began < TIMEOUT
         assert answer.message == "applied 1 wrench, the longest for 0.4 s"
         assert waited[1:] == [pytest.approx(1.0 + 0.8)]
     finally:
@@ -113,7 +113,7 @@ def test_an_answer_that_does_not_come_ends_in_time_and_says_that_the_simulation_
         TimedOutError, match=r"^no answer from .*/apply_wrench within 0\.3 s; the simulation is paused$"
     ):
         client.call("/external_wrench/apply_wrench", push(0.1), timeout=0.3)
-    assert 0.3 <= time.monotonic() - began < PATIENCE
+    assert 0.3 <= time.monotonic() - began < TIMEOUT
     assert client.call("~/reset_world").success
 
 
@@ -128,7 +128,7 @@ def test_calls_from_several_threads_get_their_own_answers(client):
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(PATIENCE)
+        thread.join(TIMEOUT)
     assert {steps: message.partition(";")[0] for steps, message in answers.items()} == {
         steps: f"took {steps} steps" for steps in (3, 5, 7)
     }
@@ -148,10 +148,10 @@ def test_a_server_that_stops_meanwhile_reports_it(tmp_path):
         waiting = threading.Thread(target=step_for_ever)
         with client.subscribe("/clock", dict) as clock:
             waiting.start()
-            while clock.next(PATIENCE)["clock"] == {"sec": 0, "nanosec": 0}:
+            while clock.next(TIMEOUT)["clock"] == {"sec": 0, "nanosec": 0}:
                 pass
         assert server.stop() == 0
-        waiting.join(PATIENCE)
+        waiting.join(TIMEOUT)
         (reason,) = reasons
         assert reason.startswith("cancelled: the server is stopping")
         assert client.nodes() == []

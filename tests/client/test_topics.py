@@ -13,7 +13,7 @@ from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String, UInt64
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 
 
 def seconds(clock):
@@ -46,15 +46,15 @@ def test_iterating_yields_every_message_in_order_until_the_subscription_is_close
 
 
 def test_the_type_may_be_a_class_a_name_dict_or_left_to_the_server(client):
-    assert isinstance(client.subscribe("/clock").next(PATIENCE), Clock)
-    assert isinstance(client.subscribe("clock", "rosgraph_msgs/msg/Clock").next(PATIENCE), Clock)
-    assert set(client.subscribe("/clock", dict).next(PATIENCE)["clock"]) == {"sec", "nanosec"}
+    assert isinstance(client.subscribe("/clock").next(TIMEOUT), Clock)
+    assert isinstance(client.subscribe("clock", "rosgraph_msgs/msg/Clock").next(TIMEOUT), Clock)
+    assert set(client.subscribe("/clock", dict).next(TIMEOUT)["clock"]) == {"sec", "nanosec"}
 
 
 def test_a_latched_topic_gives_its_last_message_at_once(client):
-    before = client.subscribe("~/epoch").next(PATIENCE)
+    before = client.subscribe("~/epoch").next(TIMEOUT)
     client.call("~/reset_world")
-    assert client.subscribe("~/epoch", UInt64).next(PATIENCE) == UInt64(data=before.data + 1)
+    assert client.subscribe("~/epoch", UInt64).next(TIMEOUT) == UInt64(data=before.data + 1)
 
 
 def test_how_much_of_the_past_a_subscription_asks_for_can_be_chosen(client):
@@ -82,9 +82,9 @@ def test_a_topic_that_no_server_has_needs_its_type(client):
 
 def test_latest_is_the_newest_message_however_many_have_come(client):
     with client.subscribe("/clock", depth=1) as clock:
-        assert clock.latest(PATIENCE) is not None
-        until = clock.next(PATIENCE).clock.sec + 1
-        while clock.next(PATIENCE).clock.sec < until:
+        assert clock.latest(TIMEOUT) is not None
+        until = clock.next(TIMEOUT).clock.sec + 1
+        while clock.next(TIMEOUT).clock.sec < until:
             pass
         # Taking the messages does not take the newest one away.
         assert clock.latest().clock.sec >= until
@@ -102,7 +102,7 @@ def test_a_callback_gets_each_message_and_its_exceptions_end_nothing(client, cap
             enough.set()
 
     client.subscribe("/clock", Clock, callback)
-    assert enough.wait(PATIENCE)
+    assert enough.wait(TIMEOUT)
     assert all(isinstance(message, Clock) for message in got)
     assert "the callback for /clock failed" in caplog.text
     assert "a bug of mine" in caplog.text
@@ -111,8 +111,8 @@ def test_a_callback_gets_each_message_and_its_exceptions_end_nothing(client, cap
 def test_who_is_slow_loses_the_oldest_messages_and_can_count_them(client):
     with client.subscribe("/clock", depth=3) as clock, client.subscribe("/clock", depth=1000) as all_of_it:
         while clock.dropped < 5:
-            all_of_it.next(PATIENCE)
-        waiting = [seconds(clock.next(PATIENCE)) for _ in range(3)]
+            all_of_it.next(TIMEOUT)
+        waiting = [seconds(clock.next(TIMEOUT)) for _ in range(3)]
     assert np.all(np.diff(waiting) > 0)
 
 
@@ -120,12 +120,12 @@ def test_a_published_command_reaches_the_simulation(client):
     client.publish("/cmd_vel", Twist(linear=Vector3(x=0.25)))
     client.publish("cmd_vel", {"linear": {"x": 0.25}, "angular": {"z": np.float64(0.5)}})
     publisher = client.publisher("/cmd_vel")
-    assert publisher.wait_for_subscriber(PATIENCE)
+    assert publisher.wait_for_subscriber(TIMEOUT)
     assert publisher.matched
     assert publisher.type is Twist
     heard = client.subscribe("/cmd_vel")
     publisher.publish({"linear": {"x": 2}})
-    assert heard.next(PATIENCE) == Twist(linear=Vector3(x=2.0))
+    assert heard.next(TIMEOUT) == Twist(linear=Vector3(x=2.0))
 
 
 def test_a_publisher_that_was_closed_is_replaced(client):
@@ -139,14 +139,14 @@ def test_a_publisher_that_was_closed_is_replaced(client):
 def test_topics_between_clients_need_no_server_that_knows_them(client):
     with client.subscribe("/chatter", String) as heard:
         client.publish("/chatter", String(data="hello"))
-        assert heard.next(PATIENCE) == String(data="hello")
+        assert heard.next(TIMEOUT) == String(data="hello")
     with client.subscribe("/chatter", String) as heard, client.publisher("/chatter", dict) as json:
-        assert json.wait_for_subscriber(PATIENCE)
+        assert json.wait_for_subscriber(TIMEOUT)
         json.publish({"data": "in JSON"})
-        assert heard.next(PATIENCE) == String(data="in JSON")
+        assert heard.next(TIMEOUT) == String(data="in JSON")
         json.publish({"date": 1})
         with pytest.raises(WrongTypeError, match=r"what came on /chatter cannot be read: .*'date'.*'data'"):
-            heard.next(PATIENCE)
+            heard.next(TIMEOUT)
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_waits_end_in_time(client):
         began = time.monotonic()
         with pytest.raises(TimedOutError, match=r"no message on /mujoco_heartbeat within 0\.2 s"):
             deque(iter(partial(heartbeat.next, 0.2), None))
-        assert time.monotonic() - began < PATIENCE
+        assert time.monotonic() - began < TIMEOUT
     with pytest.raises(TimedOutError, match=r"nobody reads /unheard, even after 0\.1 s"):
         client.publish("/unheard", String(), timeout=0.1)
     with pytest.raises(TimedOutError, match=r"neither a topic nor a service /later appeared within 0\.1 s"):

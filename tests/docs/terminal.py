@@ -13,11 +13,11 @@ from pathlib import Path
 import warm_python
 from docs.markdown import ROOT, blocks_of
 
-PATIENCE = 60.0
+TIMEOUT = 60.0
 """How long a command of the documentation may take [s]."""
 
 ENDPOINT = "tcp/127.0.0.1:7447"
-"""What the pages say; the tests put a free port in its place."""
+"""The port in the pages; the tests replace it with a free port."""
 
 ANY_PORT = "tcp/127.0.0.1:0"
 
@@ -101,7 +101,7 @@ class Reader:
             words[1:],
             cwd=self.folder,
             env=_environment(command, endpoint),
-            timeout=PATIENCE,
+            timeout=TIMEOUT,
             one_stream=True,
         )
 
@@ -114,7 +114,7 @@ class Reader:
             (),
             cwd=self.folder,
             env=_environment(endpoint=endpoint),
-            timeout=PATIENCE,
+            timeout=TIMEOUT,
             one_stream=True,
         )
 
@@ -144,7 +144,7 @@ class Reader:
         """Stops the servers with Ctrl-C, after which each must end well."""
         for server in self.servers.values():
             server.process.send_signal(signal.SIGINT)
-        codes = {line: server.process.wait(PATIENCE) for line, server in self.servers.items()}
+        codes = {line: server.process.wait(TIMEOUT) for line, server in self.servers.items()}
         for server in self.servers.values():
             assert server.process.stdout is not None
             server.process.stdout.close()
@@ -161,7 +161,7 @@ class Reader:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )
-        alarm = threading.Timer(PATIENCE, process.kill)
+        alarm = threading.Timer(TIMEOUT, process.kill)
         alarm.start()
         printed = ""
         assert process.stdout is not None
@@ -189,12 +189,12 @@ class Reader:
 
 
 def commands(console: str) -> list[str]:
-    """Returns the command lines of a console block; what they print belongs in a block of its own."""
+    """Returns the command lines of a console block; their output belongs in a separate block."""
     return [line.rstrip() for line in console.replace("\\\n", " ").splitlines() if line.strip()]
 
 
 def matches(printed: str, expected: str) -> bool:
-    """Whether an output is as a page shows it, where `...` stands for anything, on a line of its own for any lines."""
+    """Returns whether an output matches a page, where `...` matches any text, or any lines if alone on a line."""
     pattern = "".join(
         r"(?:.*\n)*" if line.strip() == "..." else re.escape(line.rstrip()).replace(r"\.\.\.", ".*") + "\n"
         for line in expected.splitlines()

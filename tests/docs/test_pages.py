@@ -1,4 +1,4 @@
-"""Every page and every example can be found, and what the pages quote is what the server says."""
+"""Every page and example is linked, and messages quoted in the pages exist in the code."""
 
 import re
 

@@ -44,7 +44,7 @@ def test_the_commands_about_keys_do_what_the_page_says(reader):
     assert init.words[:3] == ["mjplug", "keys", "init"]
     printed = reader.run(init)
     shown = next(text for text in shell_blocks() if text.startswith("mjplug serve"))
-    # The first line says where clients connect.
+    # The first line contains the endpoint for clients.
     assert printed.stdout.splitlines()[1:] == shown.splitlines()
     start, listed = shown.splitlines()
     server = reader.server(f"$ {start} --listen tls/127.0.0.1:0", as_it_is=True)

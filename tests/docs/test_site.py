@@ -14,7 +14,7 @@ from docs.markdown import PAGES, ROOT, prose
 
 SITE = ROOT / "docs" / "site"
 
-# A clone made with a password, of a repository that nobody else has.
+# A clone with a password in its address, of a private repository.
 ORIGIN = {
     "GIT_CONFIG_COUNT": "1",
     "GIT_CONFIG_KEY_0": "remote.origin.url",
@@ -43,7 +43,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """Builds the site; gives its folder and what was said."""
+    """Builds the site; returns its folder and the output."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, SITE / "build.py", folder],

@@ -1,4 +1,4 @@
-"""Every example runs in processes of its own, prints what its README promises, and is right by another calculation."""
+"""Every example runs in separate processes, prints the output in its README, and matches an independent computation."""
 
 import os
 import re

@@ -5,7 +5,7 @@ import random
 import time
 from dataclasses import dataclass, field
 
-MOST_FINDINGS = 20
+MAX_FINDINGS = 20
 """An attack ends early after so many findings: the rest would mostly repeat them."""
 
 
@@ -62,7 +62,7 @@ class Tally:
     @property
     def over(self):
         """Whether the time is up, or there are too many findings to go on."""
-        return time.monotonic() - self.began > self.seconds or len(self.findings) >= MOST_FINDINGS
+        return time.monotonic() - self.began > self.seconds or len(self.findings) >= MAX_FINDINGS
 
     def count(self, what, by=1):
         self.counts[what] = self.counts.get(what, 0) + by
@@ -71,7 +71,7 @@ class Tally:
         """Notes and prints a finding, with what is needed to repeat it."""
         text = f"{self.name}: seed {self.seed}, input {index}: {what}"
         self.findings.append(text)
-        if len(self.findings) > MOST_FINDINGS:
+        if len(self.findings) > MAX_FINDINGS:
             return
         print(f"FINDING {text}", flush=True)
         if given:

@@ -32,7 +32,7 @@ class ByteTransport:
 
 
 class EncodingPublisher:
-    """Encodes what is published in both forms, for nobody."""
+    """Encodes published messages as CDR and JSON, without a network."""
 
     matched = True
 

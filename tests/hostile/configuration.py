@@ -1,4 +1,4 @@
-"""Hostile configurations and models: `mjplug serve X --check` ends with a sentence and an exit code, whatever X holds.
+"""Hostile configurations and models: `mjplug serve X --check` always ends with a message and an exit code.
 
 The command runs in forked children with a limit of memory and of processor time, since MuJoCo itself may end the
 process on a hostile model. Where it does, the same model goes to a process that has nothing but MuJoCo: if that one
@@ -27,12 +27,12 @@ from hostile.yaml_files import configuration
 ROOT = Path(__file__).parents[2]
 CODES = (0, 2, 3, 4)
 _REFUSED = re.compile(r"^error: plugin \S+ refused to start: ", re.MULTILINE)
-"""What a plugin says of parameters that do not suit the model ends the server with 1."""
+"""Exit code if a plugin refuses its parameters for this model."""
 
-MOST_CPU = 8
+MAX_CPU = 8
 """Processor time that a batch of one input may take [s]; a limit for hangs, not for speed."""
 
-MOST_MEMORY = 6 << 30
+MAX_MEMORY = 6 << 30
 """Address space of a child [bytes]."""
 
 BATCH = 100
@@ -45,7 +45,7 @@ try:
 except (ValueError, mujoco.FatalError) as error:
     print(error)
 """
-"""What tells a crash of MuJoCo from one of the server."""
+"""Distinguishes a crash of MuJoCo from a crash of the server."""
 
 
 def seeds():
@@ -110,8 +110,8 @@ def judged(code, text, trace):
 
 
 def _child(seed, indices, writer):
-    """Runs inputs one after another; tells the parent the index before each, and the outcome after it."""
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    """Runs inputs in turn; sends the index of each input and its outcome to the parent process."""
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     # A crash is expected; its picture of the memory is of no use.
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with tempfile.TemporaryDirectory() as folder, os.fdopen(writer, "w") as out:
@@ -120,7 +120,7 @@ def _child(seed, indices, writer):
         for index in indices:
             # Per input: the limit counts from the start of the process.
             used = resource.getrusage(resource.RUSAGE_SELF)
-            limit = int(used.ru_utime + used.ru_stime) + MOST_CPU
+            limit = int(used.ru_utime + used.ru_stime) + MAX_CPU
             resource.setrlimit(resource.RLIMIT_CPU, (limit, resource.RLIM_INFINITY))
             print(json.dumps({"begins": index}), file=out, flush=True)
             name = write_input(seed, index, Path(folder))
@@ -187,7 +187,7 @@ def _judge_crash(tally, seed, index, code):
         by = _ending(code)
         if name.startswith("model"):
             bare = subprocess.run(
-                ["prlimit", f"--as={MOST_MEMORY}", f"--cpu={MOST_CPU // 2}", sys.executable, "-c", BARE, name],
+                ["prlimit", f"--as={MAX_MEMORY}", f"--cpu={MAX_CPU // 2}", sys.executable, "-c", BARE, name],
                 cwd=folder,
                 capture_output=True,
                 text=True,

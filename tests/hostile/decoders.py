@@ -52,7 +52,7 @@ def _guided(count, seed, seconds):
 
 
 def main(argv=None):
-    """Runs the attack in a process of its own; returns the exit code."""
+    """Runs the attack in a separate process; returns the exit code."""
     options = arguments(argv, "Fuzzes the decoders of all message types with atheris.", 100_000, 600.0)
     if find_spec("atheris") is None:
         print("decoders: skipped: atheris is not installed", flush=True)

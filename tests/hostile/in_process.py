@@ -35,10 +35,10 @@ WORLD = Path(__file__).parent / "world" / "config.yaml"
 SLICE = 250
 """After so many inputs, the world is reset, and all requests must have their answers."""
 
-MOST_CPU = 5.0
+MAX_CPU = 5.0
 """One input that takes more processor time than this is a finding [s]; a limit for hangs, not for speed."""
 
-MOST_GROWTH = 200 << 20
+MAX_GROWTH = 200 << 20
 """How much the process may grow after the first tenth of the inputs [bytes]."""
 
 
@@ -70,7 +70,7 @@ class Target:
         self.loop = self.server.loop
 
     def send(self, given):
-        """Takes an input to its decoder, and lets the loop do what it asks for; returns the request, if it is one."""
+        """Decodes an input and executes it in the loop; returns the request, if it is one."""
         if given.verb == "get":
             raw = LocalInquiry(given, given.door == "ros2")
             self.transport.doors[given.interface.key].receive(raw)
@@ -99,7 +99,7 @@ class Target:
         assert done.wait(30.0), "the thread that sends answers has ended"
 
     def check(self):
-        """Ends all requests, and compares a push and a throw with what mechanics says; returns what is wrong."""
+        """Ends all requests, and compares a push and a throw with mechanics; returns the deviations."""
         simulation, loop = self.simulation, self.loop
         for key, fields in (("mjplug/set_pause", {"paused": True}), ("mjplug/reset_world", {})):
             response = self.call(key, fields)
@@ -158,7 +158,7 @@ def attack(tally, first, count):
             tally.inputs += 1
             if raw is not None:
                 open_inquiries.append(raw)
-            if slowest[0] > MOST_CPU and slowest[1] == index:
+            if slowest[0] > MAX_CPU and slowest[1] == index:
                 tally.find(index, f"took {slowest[0]:.1f} s of processor time", given)
             if tracebacks.found:
                 tally.find(index, tracebacks.found[0], given)
@@ -178,7 +178,7 @@ def attack(tally, first, count):
                     break
         growth = resident() - (grown_from or resident())
         tally.counts["MiB grown"] = growth >> 20
-        if growth > MOST_GROWTH:
+        if growth > MAX_GROWTH:
             tally.find(f"{first}..{index}", f"memory grew by {growth >> 20} MiB")
         print(f"slowest input: {slowest[1]}, {slowest[0] * 1e3:.0f} ms of processor time", flush=True)
     finally:

@@ -122,7 +122,7 @@ class Input:
 
     @property
     def one_answer(self):
-        """Whether there is exactly one to answer it."""
+        """Whether exactly one service answers it."""
         return self.verb == "get" and self.door in ("plain", "ros2") and self.interface.kind == "service"
 
 
@@ -208,7 +208,7 @@ class Inputs:
         return payload, random.choice(ENCODINGS) if random.random() < 0.08 else stated
 
     def _from_node(self, index, random, interface, verb):
-        """Returns what a ROS 2 node might send, with an attachment and a hash that may be wrong."""
+        """Returns a request of a ROS 2 node, with an attachment and a hash that may be invalid."""
         payload, _ = self._cdr(interface, random)
         attachment = struct.pack("<qqB", random.choice((1, 0, -1, 2**63 - 1)), random.randrange(2**62), 16)
         attachment += random.randbytes(16)

@@ -19,7 +19,7 @@ _MOST_BYTES = 1 << 21
 
 
 def cdr(message_type, tree, order="<"):
-    """Returns a tree of values in CDR, whatever it holds."""
+    """Returns a tree of values encoded in CDR, without validation."""
     out = bytearray(_HEADERS[order])
     _write(out, message_type, tree, order)
     return bytes(out)

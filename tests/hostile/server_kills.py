@@ -20,7 +20,7 @@ CALLERS = 3
 TIMEOUT = 10.0
 """What each call of a client may take [s]."""
 
-MOST_WAIT = 60.0
+MAX_WAIT = 60.0
 """After this, a client that has not ended its call counts as hanging [s]."""
 
 
@@ -75,14 +75,14 @@ def round_of(tally, index, port, options):
             for caller in callers:
                 caller.start()
             for caller in callers:
-                caller.started_calls.wait(MOST_WAIT)
+                caller.started_calls.wait(MAX_WAIT)
             time.sleep(random.uniform(0.0, 0.3))
             listened.sample()
             family = children(server.process.pid)
             mapped = shared_memory_of([server.process.pid, *family])
             server.kill()
             for caller in callers:
-                caller.join(MOST_WAIT)
+                caller.join(MAX_WAIT)
     finally:
         server.kill()
     tally.inputs += 1
@@ -90,7 +90,7 @@ def round_of(tally, index, port, options):
         tally.count("calls", caller.calls)
         if caller.is_alive():
             tally.count("unanswered")
-            tally.find(index, f"a call still waits {MOST_WAIT} s after the server was killed")
+            tally.find(index, f"a call still waits {MAX_WAIT} s after the server was killed")
         elif caller.wrong is not None:
             tally.find(index, f"a client fails with {caller.wrong!r}, which is no ClientError")
         elif caller.calls == 0:

@@ -24,14 +24,14 @@ from hostile.wire import WORLD, environment_of_world
 WARM_UP = 0.25
 """Part of the run after which the first figures count: caches and arenas of the allocator grow until then."""
 
-MOST_RSS = 24 << 20
+MAX_RSS = 24 << 20
 """How far RSS may grow from the first to the last quarter after the warm-up [bytes]; an arena of glibc has 64 MiB."""
 
-MOST_SLOPE = 0.5 * (1 << 20)
+MAX_SLOPE = 0.5 * (1 << 20)
 """How fast RSS may grow in the long run [bytes per minute]; counts from 10 minutes on."""
 
-MOST_FURTHER = 4
-"""How many more file descriptors, threads or shared memory files there may be at the end."""
+MAX_FURTHER = 4
+"""Largest increase of file descriptors, threads or shared memory files."""
 
 STARTED = 120.0
 """How long the worker processes may take on a busy machine until they publish [s]."""
@@ -168,7 +168,7 @@ def judge(tally, samples, seconds):
     for name in ("RSS", "fds", "threads", "shm"):
         values = np.array([held[name] for _, held in steady], float)
         first, last = float(np.median(values[:quarter])), float(np.median(values[-quarter:]))
-        bound = MOST_RSS if name == "RSS" else MOST_FURTHER
+        bound = MAX_RSS if name == "RSS" else MAX_FURTHER
         tally.counts[f"{name} grown"] = f"{(last - first) / 2**20:.1f} MiB" if name == "RSS" else int(last - first)
         if last - first > bound:
             tally.find("all", f"{name} grows from {first:.0f} to {last:.0f}, by more than {bound}")
@@ -176,7 +176,7 @@ def judge(tally, samples, seconds):
         minutes = np.array([now / 60 for now, _ in steady])
         slope = float(np.polyfit(minutes, [held["RSS"] for _, held in steady], 1)[0])
         tally.counts["KiB a minute"] = round(slope / 1024)
-        if slope > MOST_SLOPE:
+        if slope > MAX_SLOPE:
             tally.find("all", f"RSS grows by {slope / 1024:.0f} KiB a minute")
 
 

@@ -51,7 +51,7 @@ LISTENED = ("**", "clock", "**/@json", "joint_states", "tf")
 
 
 def start_client(endpoint, kind, key):
-    """Starts a client in a process of its own and waits until it is connected."""
+    """Starts a client in a separate process and waits until it is connected."""
     command = [sys.executable, "-c", textwrap.dedent(STOPPED), endpoint, kind, key]
     client = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True)
     while "ready" not in client.stdout.readline():

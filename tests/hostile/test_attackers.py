@@ -24,7 +24,7 @@ def test_hostile_inputs_over_the_wire_are_all_answered_once():
 
 @proc
 def test_hostile_configurations_and_models_end_with_a_sentence():
-    # In a process of its own, since it forks, and the one that runs the tests has threads.
+    # In a separate process, because it forks, and the test process has threads.
     command = [sys.executable, "-m", "hostile.configuration", "--count", "20", "--seconds", "40", "--processes", "0"]
     ended = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr

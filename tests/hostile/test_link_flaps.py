@@ -134,7 +134,7 @@ def flap(cable, far, downtime):
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_remote_client_survives_ten_flaps_of_its_link(cable, far):
-    # Shorter and longer than the lease: TCP repairs the one, Zenoh connects anew after the other.
+    # Shorter and longer than the lease: TCP recovers from the first, Zenoh reconnects after the second.
     for downtime in (0.5, 3.0) * 5:
         flap(cable, far, downtime)
 

@@ -41,7 +41,7 @@ remap: {/base_velocity/cmd_vel: /cmd_vel}
 
 
 def in_small_shm(megabytes, *command):
-    """Returns the command with a /dev/shm of its own of this size; skips the test where that is not possible."""
+    """Returns the command with a private /dev/shm of this size; skips the test if that is not possible."""
     script = f'mount -t tmpfs -o size={megabytes}m tmpfs /dev/shm && exec "$@"'
     wrapped = ("unshare", "--mount", "sh", "-c", script, "sh")
     try:

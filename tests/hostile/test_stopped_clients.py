@@ -1,4 +1,4 @@
-"""Readers that stop, as a suspended laptop does: nobody else must notice."""
+"""Subscribers that are stopped, like a suspended laptop, must not affect other clients."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Hostile inputs over the wire: a real server in a process of its own, and everything that a Zenoh client can send.
+"""Hostile inputs over the wire: a real server in a separate process, and everything that a Zenoh client can send.
 
 Inputs go out in slices with many requests in flight. After each slice the world is reset, which ends what waits; every
 request must have exactly one answer, the server must do what mechanics says, and its log must have no traceback.
@@ -29,10 +29,10 @@ SLICE = 500
 ANSWER = 60.0
 """How long the last answer of a slice may take on a busy machine [s]."""
 
-MOST_GROWTH = 150 << 20
+MAX_GROWTH = 150 << 20
 """How much the server may grow between the first tenth of the inputs and the end [bytes]."""
 
-MOST_FURTHER = 8
+MAX_FURTHER = 8
 """How many more file descriptors or threads the server may have at the end."""
 
 MOST_LOG, MOST_LOG_OF_SLICE = 60_000, 1_500
@@ -149,7 +149,7 @@ class Target:
         return None
 
     def check(self):
-        """Compares a throw and a push with what mechanics says; returns what is wrong."""
+        """Compares a throw and a push with mechanics; returns the deviations."""
         thrown = {"name": "link_a", "pose": {"pose": {"position": {"x": 7.0}}}}
         thrown["twist"] = {"twist": {"linear": {"x": 0.5}}}
         self.ask("mjplug/set_free_joint_state", free_joints=[thrown])
@@ -267,12 +267,12 @@ def _compare(tally, target, before, name):
     while True:
         after = target.holds()
         growth = {key: after[key] - before[key] for key in after}
-        small = growth["fds"] <= MOST_FURTHER and growth["threads"] <= MOST_FURTHER
+        small = growth["fds"] <= MAX_FURTHER and growth["threads"] <= MAX_FURTHER
         if small or time.monotonic() > deadline:
             break
         time.sleep(0.2)
     tally.counts["MiB grown"] = growth["RSS"] >> 20
-    if not small or growth["RSS"] > MOST_GROWTH:
+    if not small or growth["RSS"] > MAX_GROWTH:
         tally.find(name, f"the server holds more than before: {before} -> {after}")
 
 

@@ -186,13 +186,13 @@ class Attack:
             self.find(f"kill {index}: worker {victim} had ended by itself")
             return
         self.counts[signal.Signals(number).name] += 1
-        # The next one is killed meanwhile, unless everybody is gone.
+        # The next process is killed meanwhile, unless all have ended.
         self.wait_for(lambda: victim not in self.workers, f"kill {index}: worker {victim} was not ended")
         if index == count - 1:
             self.wait_for(lambda: len(self.workers) == instances, f"kill {index}: worker {victim} was not replaced")
 
     def end(self):
-        """Stops the server; nothing of it may be left."""
+        """Stops the server, and checks that nothing of it is left."""
         workers = self.workers
         if not self.server.running:
             self.find(f"the server ended with {self.server.process.returncode}")

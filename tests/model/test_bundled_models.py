@@ -1,4 +1,4 @@
-"""The bundled robots: promised names, sane numbers, and standing still when nobody touches them."""
+"""The bundled robots: documented names, plausible values, and standing still without contact."""
 
 import math
 from importlib.resources import files

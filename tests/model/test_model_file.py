@@ -29,7 +29,7 @@ def refusal(*args, **kwargs):
 
 
 def extents(model):
-    """Returns the largest side of each mesh's bounding box, whatever frame MuJoCo put it into."""
+    """Returns the largest side of each mesh's bounding box, in any frame that MuJoCo chose."""
     vertices = [model.mesh_vert[a : a + n] for a, n in zip(model.mesh_vertadr, model.mesh_vertnum, strict=True)]
     return [float(max(np.linalg.norm(p - q) for p in points for q in points)) for points in vertices]
 

@@ -15,7 +15,7 @@ QPOS = ".4 -.3 .1  2 0 0 0  1 1 .5 1 0 0 0  -1 1 .5 1 0 0 0"
 
 @pytest.fixture
 def start(arm_model, tmp_path):
-    """Starts a simulation of the arm with settings below `sim`, and a start-position file if there is one."""
+    """Starts a simulation of the arm with the settings in `sim` and an optional start-position file."""
 
     def start(file=None, **sim):
         if file is not None:

@@ -10,7 +10,7 @@ from mjplug_schemas.mujoco_ros2_control_msgs import SetPause, StepSimulation
 
 
 class Camera:
-    """Asks for an image every 10 ms, and waits for it; the image comes when the test says so."""
+    """Requests an image every 10 ms and waits for it; the test decides when the image is ready."""
 
     def __init__(self, world):
         self.world = world

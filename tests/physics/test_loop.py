@@ -462,7 +462,7 @@ def test_after_a_divergence_time_has_the_bits_that_it_had_before_that_step(activ
 
 
 def test_in_a_flood_of_calls_active_steppers_get_as_much_time_as_the_calls(arm_world):
-    """Each call posts itself anew, so that the inbox is never empty."""
+    """Each call posts itself again, so that the inbox is never empty."""
     recorder = Recorder(arm_world.simulation)
     arm_world.loop.steppers.add(recorder)
     arm_world.loop.steppers.activate(recorder)

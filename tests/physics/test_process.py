@@ -38,7 +38,7 @@ def _mujoco_tamed():
 
 @pytest.mark.usefixtures("_mujoco_tamed")
 def test_a_warning_of_mujoco_that_repeats_does_not_fill_the_log(monkeypatch, caplog):
-    """MuJoCo warns anew after each divergence, and a client can make the world diverge as often as it likes."""
+    """MuJoCo warns after each divergence, and a client can cause any number of divergences."""
     now = [0.0]
     monkeypatch.setattr(process, "monotonic", lambda: now[0])
     simulation = Simulation(mujoco.MjModel.from_xml_string(ARM))

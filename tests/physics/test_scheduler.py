@@ -22,7 +22,7 @@ class Answers:
 
 
 class Clocked(Scheduler):
-    """A scheduler whose clock is the boundary that it was last told of."""
+    """A scheduler whose time is the last boundary that the test reported."""
 
     def __init__(self, step=0):
         super().__init__(lambda: self.step)

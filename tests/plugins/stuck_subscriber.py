@@ -1,4 +1,4 @@
-"""A client on another machine, so to speak, that stops to read with its first image: `stuck_subscriber.py ENDPOINT`."""
+"""A client with its own network address that stops reading after the first image: `stuck_subscriber.py ENDPOINT`."""
 
 import json
 import sys

@@ -50,7 +50,7 @@ def test_the_depth_is_right_far_away_too():
 @pytest.mark.parametrize("alone", [False, True], ids=["with colour", "alone"])
 @pytest.mark.parametrize("quality", ["fast", "full"])
 def test_sky_and_haze_are_in_no_depth(quality, alone):
-    """To MuJoCo the sky is a body at 0.7 of the far plane, and the haze another that lies on an endless floor."""
+    """MuJoCo draws the sky as an object at 0.7 of the far plane, and the haze as an object on an infinite floor."""
     xml = scene(eye(where='pos="0 0 2" euler="85 0 0"'), '<geom type="plane" size="0 0 1"/>')
     world = world_of(xml, quality=quality)
     for topic in ("color", "color/compressed"):

@@ -1,4 +1,4 @@
-"""When cameras publish: at their rates, on request, while somebody listens, while the process is busy or gone."""
+"""When cameras publish: at their rates, on request, with subscribers, and while the worker process is busy or dead."""
 
 import logging
 from time import perf_counter
@@ -251,7 +251,7 @@ def seconds(world, clock, count, each=lambda: None):
 
 
 def warnings(caplog):
-    """What was warned of, besides the renderer of this machine."""
+    """Returns the warnings, without the warning about the renderer of this machine."""
     told = [r.getMessage() for r in caplog.records if r.name.endswith("cameras") and r.levelno >= logging.WARNING]
     return [text for text in told if not text.startswith("rendering with ")]
 
@@ -317,7 +317,7 @@ def test_a_trigger_that_takes_too_long_is_refused_with_the_reason(clock, state, 
     assert not call.answered
     seconds(world, clock, 4)
     assert call.refusal == f"no image within 3 s (trigger_timeout): {why}"
-    # The image that comes later answers nobody.
+    # The image that comes later answers no request.
     worker(world).release()
     world.loop.step(1)
     assert call.answers == 1
@@ -351,7 +351,7 @@ def test_without_opengl_the_server_lives_and_triggers_say_what_to_install(monkey
     without_gl(monkeypatch, gl)
     world = world_of(scene(TWO), front=POLLED)
     world.loop.step(500)
-    # Whoever runs the work says so already.
+    # The worker pool has already logged it.
     assert [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING] == []
     call = world.call("/cameras/front/trigger")
     assert call.refusal.startswith("cameras are unavailable: no OpenGL through ")

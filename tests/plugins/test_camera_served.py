@@ -104,7 +104,7 @@ def test_in_lockstep_requests_are_answered_while_a_process_is_started_again(serv
         # The images of the next 0.2 s come late, if at all; until then, everything else is answered.
         for _ in range(20):
             assert client.ask("mjplug/set_pause", paused=True)["success"] is True
-        # Pausing ends steps that are under way.
+        # Pausing cancels a running step_simulation.
         steps.answer(STARTING)
         server.err.wait_for("it is restarted in 0.5 s", STARTING)
         color.forget()

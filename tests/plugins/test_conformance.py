@@ -93,7 +93,7 @@ def test_two_instances_do_not_share_names(plugin_class, arm_model):
 
 
 class Fragile(Plugin[Parameters]):
-    """Fails where it is told to."""
+    """Fails in the configured method."""
 
     def init(self, host, parameters):
         host.create_timer(0.01, self._fail)

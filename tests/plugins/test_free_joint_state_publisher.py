@@ -137,7 +137,7 @@ state_of_body = st.tuples(three, unit, three, three)
     seed=st.integers(0, 9),
 )
 def test_a_message_given_back_to_the_service_brings_the_state_back(states, frame, seed):
-    # Bodies may be placed into each other here.
+    # Bodies may overlap here.
     world = scene(SCENE.replace('timestep="0.002"/>', 'timestep="0.002"><flag contact="disable"/></option>'), seed)
     publisher(world, frame_id=frame)
     world.loop.step(5)
@@ -148,7 +148,7 @@ def test_a_message_given_back_to_the_service_brings_the_state_back(states, frame
     world.loop.step(1)
     qpos, qvel = world.data.qpos.copy(), world.data.qvel.copy()
     message = messages(world)[-1]
-    # A frame that is one of the bodies must be where it was; the others may be anywhere.
+    # A body that is the frame of the message must not have moved; the others may be anywhere.
     for body, joint in (("box", 2), ("ball", 3), ("brick", 4)):
         if body != frame:
             q, v = int(world.model.jnt_qposadr[joint]), int(world.model.jnt_dofadr[joint])

@@ -33,7 +33,7 @@ def command(world, names, **values):
     world.loop.step(1)
 
 
-def told(world):
+def diagnosis(world):
     return world.diagnostics.diagnose()["arm"]
 
 
@@ -47,7 +47,7 @@ def test_each_interface_reaches_the_actuator_of_its_kind_in_the_units_of_the_joi
     # The elbow's motor has a gear of 4: 2 N·m at the joint are 0.5 at the motor.
     assert world.data.ctrl.tolist() == [0.7, 0.3, 0.5, -0.5]
     assert world.data.joint("elbow").qfrc_actuator[0] == 2.0
-    assert told(world).message == "ok"
+    assert diagnosis(world).message == "ok"
 
 
 def test_physics_is_that_of_mujoco_with_the_same_controls():
@@ -86,7 +86,7 @@ def test_a_command_counts_while_the_simulation_is_paused_and_moves_with_the_next
 
 
 def test_servos_hold_poses_whatever_their_gear_gain_and_bias():
-    """A gear of 3, a control in degrees, and a preload: what the joint is told is where it goes."""
+    """With a gear of 3, a control in degrees and a preload, the joint moves to the commanded position."""
     xml = """
     <mujoco><option gravity="0 0 0"/><worldbody>
       <body><joint name="geared" axis="0 0 1" damping="1"/><geom size=".1"/></body>
@@ -104,7 +104,7 @@ def test_servos_hold_poses_whatever_their_gear_gain_and_bias():
     assert world.data.joint("geared").qpos[0] == pytest.approx(0.5, abs=1e-4)
     assert world.data.joint("degrees").qpos[0] == pytest.approx(-0.4, abs=1e-4)
     assert world.data.joint("integrated").qvel[0] == pytest.approx(0.25, rel=1e-3)
-    assert told(world).message == "ok"
+    assert diagnosis(world).message == "ok"
 
 
 def test_a_gripper_on_a_tendon_is_told_in_metres_though_its_control_counts_to_255():
@@ -187,7 +187,9 @@ def test_a_group_takes_plain_numbers_in_its_order():
     assert world.data.ctrl[[ELBOW, WRIST]].tolist() == [2.0, 0.1]
     world.transport.send("/arm/efforts/commands", Float64MultiArray(data=[1.0]))
     world.loop.step(1)
-    assert told(world).message == "/arm/efforts/commands: data contains 1 numbers, but group 'efforts' has 2 joints"
+    assert (
+        diagnosis(world).message == "/arm/efforts/commands: data contains 1 numbers, but group 'efforts' has 2 joints"
+    )
     assert world.data.ctrl[[ELBOW, WRIST]].tolist() == [2.0, 0.1]
 
 
@@ -202,7 +204,7 @@ def test_lists_that_are_shorter_than_the_names_are_for_the_joints_with_that_inte
     )  # fmt: skip
     assert world.data.ctrl.tolist() == [-0.3, 0.4, 0.0, 0.05]
     command(world, ["loose", "wrist", "rail", "shoulder"], position=[0.1, 0.2])
-    refusal = told(world).message
+    refusal = diagnosis(world).message
     assert "position contains 2 numbers for 4 names" in refusal
     assert "command_interfaces declares it for 1 of the names" in refusal
     assert world.data.ctrl[SHOULDER] == 0.4
@@ -242,11 +244,11 @@ def test_an_invalid_message_moves_nothing_and_is_counted(names, values, sentence
     for _ in range(3):
         command(world, names, **values)
     assert not world.data.ctrl.any()
-    assert told(world).message.startswith(f"{TOPIC}: ")
+    assert diagnosis(world).message.startswith(f"{TOPIC}: ")
     assert sentence in caplog.text
     assert len(caplog.records) == len([r for r in caplog.records if "ignored" in r.message]) + 1
-    assert told(world).message == "ok"
-    assert told(world).values["messages refused"] == "3"
+    assert diagnosis(world).message == "ok"
+    assert diagnosis(world).values["messages refused"] == "3"
     world.plugin.cleanup()
     assert f"3 messages on {TOPIC} were refused in all" in caplog.text
 
@@ -387,7 +389,7 @@ def tracked(world, names, centre, amplitude, frequency, duration):
 def test_the_arm_tracks_a_sine():
     world = World(load_model("bundled:arm").model)
     world.add(JointCommands, "arm")
-    # A critically damped servo lags by its damping over its stiffness, and joint1 sags besides.
+    # A critically damped servo lags by damping / stiffness, and joint1 also sags.
     assert tracked(world, ["joint1", "joint2"], (0.4, -0.3), 0.3, 0.5, 6.0) < 0.06
 
 

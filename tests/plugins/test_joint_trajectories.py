@@ -138,7 +138,7 @@ def test_from_the_desired_state_a_new_trajectory_continues_without_a_jump():
     world.loop.step(100)
     world.transport.send(TOPIC, trajectory(["shoulder"], point(0.5, [1.0], [0.0])))
     controls = recorded(world, 250)[:, 1]
-    # It began at 0.2 with 1 rad/s, both as told; the arm itself lags behind.
+    # It started at the commanded 0.2 rad and 1 rad/s; the arm lags behind.
     assert controls[0] == pytest.approx(0.2)
     assert controls[1] - controls[0] == pytest.approx(0.002, rel=0.02)
     assert world.data.joint("shoulder").qpos[0] < 1.0

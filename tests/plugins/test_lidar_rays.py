@@ -1,4 +1,4 @@
-"""Every ray that is cast equals `mj_ray`, whatever the scene."""
+"""Every cast ray equals `mj_ray`, in all scenes."""
 
 import math
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""The whole way: a model and a parameter file of mujoco_ros2_control's users, served, and heard by a client."""
+"""End to end: a model and a parameter file for mujoco_ros2_control are served, and a client subscribes."""
 
 import math
 
@@ -69,7 +69,7 @@ def at(message):
 
 
 def rays_at(time, azimuths, elevations):
-    """What mj_ray says of the world at a time; the cart does 1 m/s along x."""
+    """Returns the distances of mj_ray at a time; the cart moves at 1 m/s along x."""
     xml = MODEL[: MODEL.index("<keyframe>")].replace('<plugin plugin="mujoco.plugin.lidar"/>', "") + "</mujoco>"
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)

@@ -165,7 +165,7 @@ def test_an_error_in_a_diagnostic_is_that_status(serve, monkeypatch, error):
 
 
 def test_a_real_ctrl_c_ends_a_script_that_runs_a_server(serve, monkeypatch):
-    """With Python's own handler of SIGINT, KeyboardInterrupt is the user's wish, wherever it is raised."""
+    """With Python's handler of SIGINT, KeyboardInterrupt stops the server wherever it is raised."""
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     monkeypatch.setattr(Hooked, "hook", "update")
     monkeypatch.setattr(Hooked, "error", KeyboardInterrupt())

@@ -78,7 +78,7 @@ def scans(world, topic="/scan"):
 
 
 def sensors_now(world, names):
-    """What MuJoCo's own sensors say of the current state."""
+    """Returns the values of MuJoCo's sensors in the current state."""
     data = mujoco.MjData(world.model)
     data.qpos[:] = world.data.qpos
     mujoco.mj_forward(world.model, data)

@@ -104,13 +104,13 @@ def test_at_rest_an_accelerometer_reads_gravity_upwards_and_in_free_fall_nothing
     world = world_of()
     world.loop.step(100)
     rest, falling = last(world, "rest/imu"), last(world, "falling/imu")
-    # The shelf lies on its side: its y axis points up.
+    # The shelf is turned on its side: its y axis points up.
     assert xyz(rest.linear_acceleration) == pytest.approx((0.0, G, 0.0), abs=1e-9)
     assert xyz(rest.angular_velocity) == pytest.approx((0.0, 0.0, 0.0))
     assert wxyz(rest.orientation) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0))
     assert rest.header.frame_id == "rest_site"
     assert xyz(falling.linear_acceleration) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    # There is no orientation in it, and the message says so.
+    # It measures no orientation, and the message marks this.
     assert falling.orientation_covariance[0] == -1.0
     assert rest.orientation_covariance == (0.0,) * 9
 

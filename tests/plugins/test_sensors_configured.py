@@ -207,7 +207,7 @@ def test_noise_makes_no_distance_of_what_is_beyond_the_cutoff():
     assert (seen.mean(), seen.std()) == (pytest.approx(0.3, abs=2e-3), pytest.approx(0.01, rel=0.1))
     beyond = world.published("/sensors/renamed/range")
     assert {message.range for message in beyond} == {np.inf}
-    # Transforms knows the sensor by its name in the model only.
+    # Transforms uses the name of the sensor in the model.
     assert {message.header.frame_id for message in beyond} == {"short_frame"}
 
 

@@ -122,7 +122,7 @@ def test_a_message_with_changed_bytes_is_refused_or_valid(message, data, message
 
 
 def check_refused_or_valid(message, buffer, same):
-    """What decoding lets through must be what constructing lets through."""
+    """Decoding must accept the same values as the constructor."""
     try:
         decoded = message.from_cdr(buffer)
     except CodecError:

@@ -1,4 +1,4 @@
-"""What CDR refuses, in which words, and what it lets pass."""
+"""Invalid CDR that is refused, the error messages, and valid CDR."""
 
 import pytest
 from cdr_probes import Bounded, BytesFlag, Flags

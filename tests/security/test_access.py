@@ -74,7 +74,7 @@ def gate(keys):
 
 @pytest.fixture
 def enter(keys, gate, opened):
-    """Connects as somebody."""
+    """Connects with the certificate of a user."""
     return lambda name: opened(Client(keys.path / f"{name}.json5", gate.endpoint))
 
 
@@ -88,7 +88,7 @@ def forms_of(text):
 
 
 def call(client, service):
-    """The answers to a service, on its plain key and as a ROS 2 node asks."""
+    """Returns the replies of a service, to a plain client and to a ROS 2 node."""
     request = service.type.Request().to_cdr()
     plain = client.ask(service.name[1:], payload=request, encoding="application/cdr")
     ros = client.ask(

@@ -1,4 +1,4 @@
-"""`mjplug keys` and `mjplug doctor --security` as somebody types them."""
+"""`mjplug keys` and `mjplug doctor --security` on the command line."""
 
 import json
 import re

@@ -24,7 +24,7 @@ def parts(file, folder):
 
 
 def handshake(keys, file, tmp_path, host="localhost"):
-    """What OpenSSL says on the server's and on the client's side of a connection: None, or the error."""
+    """Returns OpenSSL's result on the server's and on the client's side: None, or the error."""
     here = keys.path / "server"
     server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     server.load_cert_chain(here / "server.pem", here / "server.key")

@@ -29,7 +29,7 @@ def test_nobody_is_asked_for_the_password_of_an_encrypted_key(keys, tmp_path):
     }
     file = tmp_path / "zenoh.json5"
     file.write_text(json.dumps({"transport": {"link": {"tls": tls}}}))
-    # A terminal at which nobody types.
+    # A terminal without input.
     master, terminal = os.openpty()
     try:
         ran = subprocess.run(

@@ -107,7 +107,7 @@ class Lab:
         self.simulator, self.laptop = namespaces
 
     def probe(self, name, *what):
-        """Runs the probe on the laptop, as somebody."""
+        """Runs the probe on the laptop with the certificate of a user."""
         file = f"keys/{name}.json5" if name != "nobody" else "nobody.json5"
         words = (sys.executable, "-m", "security.probe", file, f"tls/{HOST}:7447", *what)
         ran = inside(self.laptop, *words, cwd=self.folder)

@@ -1,4 +1,4 @@
-"""`mjplug serve` with certificates: its worker processes, and what it says when something is wrong with them."""
+"""`mjplug serve` with certificates: its worker processes, and the errors for invalid certificates."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""`mjplug.open_server`: a server in this program, on a thread of its own or stepped by the caller."""
+"""`mjplug.open_server`: a server in this program, on its own thread or stepped by the caller."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ class EchoParameters(Parameters):
 
 
 class Echo(Plugin[EchoParameters]):
-    """Repeats what it hears, and fails when it hears `fail`."""
+    """Publishes each received message again, and fails if the message is `fail`."""
 
     def init(self, host, parameters):
         self.prefix = parameters.prefix

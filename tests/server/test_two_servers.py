@@ -31,7 +31,7 @@ class TalkerParameters(Parameters):
 
 
 class Talker(Plugin[TalkerParameters]):
-    """Logs its word by every way there is."""
+    """Logs its word in every possible way."""
 
     def init(self, host, parameters):
         self.host, self.word = host, parameters.word
@@ -276,7 +276,7 @@ def test_plugins_in_the_folder_of_a_configuration_leave_neither_paths_nor_module
 
 def test_two_plugin_modules_of_one_name_are_refused_with_the_reason(folders):
     with open_server(folders[0] / "robot.yaml", run=False) as server:
-        # The same file may be served twice.
+        # Two servers can serve the same file.
         with open_server(folders[0] / "robot.yaml", run=False) as twin:
             assert twin.client().call("/wind/who").message == "wind 1 later 1"
         with pytest.raises(ConfigError) as refused:

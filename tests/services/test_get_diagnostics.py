@@ -1,4 +1,4 @@
-"""Diagnostics for those who ask, and the status `plugins`."""
+"""Diagnostics on request, and the status `plugins`."""
 
 import pytest
 

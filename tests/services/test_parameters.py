@@ -1,4 +1,4 @@
-"""The parameters of the server, asked as `ros2 param` asks."""
+"""The parameters of the server, with the requests of `ros2 param`."""
 
 import pytest
 

@@ -11,7 +11,7 @@ import threading
 import zenoh
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_subscriber
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 
 
 def text_of(sample):
@@ -50,9 +50,9 @@ def main():
                 subscriber_detection=True,
             )
         ]
-        assert got_latched.wait(PATIENCE)
+        assert got_latched.wait(TIMEOUT)
         kept += [session.declare_subscriber(key, hear) for key in live_keys]
-        got_all.wait(PATIENCE)
+        got_all.wait(TIMEOUT)
         print(json.dumps(["got", [latched, *numbers.values()]]), flush=True)
         del kept
 

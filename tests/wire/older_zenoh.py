@@ -1,4 +1,4 @@
-"""Pythons with an older Zenoh, each in an environment of its own, for peers that are not as new as the server."""
+"""Python environments with older Zenoh versions, for peers that are older than the server."""
 
 import os
 import shutil
@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-PATIENCE = 90.0
+TIMEOUT = 90.0
 """How long an installation may take [s]; 1 s if the packages are on this machine already."""
 
 
@@ -33,9 +33,9 @@ def python_with(zenoh_version: str, folder: Path) -> str:
     )
     for command in commands:
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+            done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=False)
         except subprocess.TimeoutExpired:
-            _give_up(f"Zenoh {zenoh_version} was not installed within {PATIENCE:.0f} s")
+            _give_up(f"Zenoh {zenoh_version} was not installed within {TIMEOUT:.0f} s")
         if done.returncode != 0:
             _give_up(f"Zenoh {zenoh_version} cannot be installed: {done.stderr.strip()}")
     return str(python)

@@ -11,7 +11,7 @@ from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 ANY_PORT = ("tcp/127.0.0.1:0",)
 
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -35,12 +35,12 @@ class Matched:
         self._events.put(None)
 
     def wait(self):
-        self._events.get(timeout=PATIENCE)
+        self._events.get(timeout=TIMEOUT)
 
 
 def tokens(client, key="@ros2_lv/**"):
     """All tokens but those of the services that every node has."""
-    replies = client.session.liveliness().get(key, timeout=PATIENCE)
+    replies = client.session.liveliness().get(key, timeout=TIMEOUT)
     return sorted(token for token in (str(reply.ok.key_expr) for reply in replies) if "_interfaces::" not in token)
 
 
@@ -52,14 +52,14 @@ def request(client, key, payload, attachment, target=zenoh.QueryTarget.ALL_COMPL
         attachment=attachment,
         target=target,
         consolidation=zenoh.ConsolidationMode.NONE,
-        timeout=PATIENCE,
+        timeout=TIMEOUT,
     )
     (reply,) = list(replies)
     return reply
 
 
-def until(condition, within=PATIENCE):
-    """Waits for something that nobody tells us about."""
+def until(condition, within=TIMEOUT):
+    """Waits for a condition that is not reported by an event."""
     deadline = time.monotonic() + within
     tick = threading.Event()
     while not condition():

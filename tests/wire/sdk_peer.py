@@ -21,7 +21,7 @@ from zenoh_ros2_sdk import (
     get_topic_names_and_types,
 )
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 SERVICE = "/external_wrench/apply_wrench"
 TELLING = threading.Lock()
 
@@ -52,7 +52,7 @@ def listen(port, topic, type_name, take):
 
 
 def steer(port, topic):
-    """Publishes one Twist, once somebody listens."""
+    """Publishes one Twist as soon as a subscriber is matched."""
     publisher = ROS2Publisher(topic, "geometry_msgs/msg/Twist", router_port=port)
     tick = threading.Event()
     while not publisher.pub.matching_status.matching:
@@ -67,7 +67,7 @@ def push(port, body):
         SERVICE,
         "mujoco_ros2_control_msgs/srv/ApplyExternalWrench",
         router_port=port,
-        timeout=PATIENCE,
+        timeout=TIMEOUT,
     )
     none = make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
     header = make("std_msgs/msg/Header", stamp=none, frame_id=body)
@@ -89,7 +89,7 @@ def push(port, body):
 def asked(ask, name):
     """Asks again while the answer has nothing by that name: a Zenoh peer that connects to one more may get no reply."""
     tick = threading.Event()
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while not (answer := ask()).get(name) and time.monotonic() < deadline:
         tick.wait(0.05)
     return answer
@@ -106,7 +106,7 @@ def main():
         heartbeat = listen(port, "/mujoco_heartbeat", "std_msgs/msg/String", lambda message: message.data)
         clock = listen(port, "/clock", "rosgraph_msgs/msg/Clock", lambda message: message.clock.nanosec)
         for _, first in (heartbeat, clock):
-            assert first.wait(PATIENCE)
+            assert first.wait(TIMEOUT)
         kept = [steer(port, topic) for topic in twist_topics]
         tell("response", push(port, body))
         tell("topics", asked(lambda: dict(get_topic_names_and_types(router_port=port)), "/clock"))

@@ -12,7 +12,7 @@ from mjplug.wire.diagnostics import WireDiagnostics
 from mjplug_schemas.std_msgs import Float64
 from mjplug_schemas.std_srvs import SetBool
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 
 def test_what_cannot_be_read_is_counted_and_warned_of_once(network, client):
@@ -35,7 +35,7 @@ def test_what_cannot_be_read_is_counted_and_warned_of_once(network, client):
     publisher = client.publisher("robot1/target")
     for payload in (b"rubbish", b'{"data": "no number"}', b'{"data": 1.0}'):
         publisher.put(payload, encoding=zenoh.Encoding.APPLICATION_JSON)
-    assert heard.wait(PATIENCE)
+    assert heard.wait(TIMEOUT)
     (answer,) = client.ask("robot1/switch", b'{"data": 5}', encoding=zenoh.Encoding.APPLICATION_JSON)
     assert not answer.ok
 
@@ -60,10 +60,10 @@ def test_requests_that_wait_are_counted(network, client):
     health = WireDiagnostics(network)
     thread = threading.Thread(target=client.ask, args=("robot1/switch", b"{}"), kwargs={"encoding": "application/json"})
     thread.start()
-    assert taken.wait(PATIENCE)
+    assert taken.wait(TIMEOUT)
     assert health.diagnose().values["open requests"] == 1
     calls[0].refuse("enough")
-    thread.join(PATIENCE)
+    thread.join(TIMEOUT)
     assert health.diagnose().values["open requests"] == 0
 
 
@@ -75,7 +75,7 @@ def test_requests_that_are_refused_as_busy_are_counted_and_warned_of_once(new_ne
     health = WireDiagnostics(network)
     client.settle()
     client.session.get("robot1/switch", lambda reply: None, payload=b"{}", encoding="application/json")
-    assert taken.wait(PATIENCE)
+    assert taken.wait(TIMEOUT)
     for _ in range(3):
         answer = client.call("robot1/switch", b"{}", encoding="application/json")
         assert answer.json == {
@@ -91,7 +91,7 @@ def test_requests_that_are_refused_as_busy_are_counted_and_warned_of_once(new_ne
 
 
 class Waiting:
-    """A request of some size that nobody has answered."""
+    """A pending request of a given size."""
 
     needs_response = False
     parameters = {}  # noqa: RUF012
@@ -110,7 +110,7 @@ def test_large_requests_that_wait_have_a_limit_in_bytes_and_small_ones_still_get
     waiting = [WireCall(raw, SetBool.Request(), "cdr", SetBool, calls) for raw in inquiries]
     assert [calls.admit(call) for call in waiting] == ["admitted", "admitted", "busy", "admitted", "admitted"]
     assert (len(calls), calls.bytes) == (4, 10_000)
-    refused = inquiries[2].replies.get(timeout=PATIENCE)
+    refused = inquiries[2].replies.get(timeout=TIMEOUT)
     assert refused.success is False
     assert refused.message.startswith("busy: the waiting requests have 10000 bytes; at most 10000 are accepted")
     waiting[0].respond(SetBool.Response(success=True))

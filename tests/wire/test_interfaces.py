@@ -7,7 +7,7 @@ from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_srvs import Trigger
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_a_subscriber_is_notified_of_each_change_and_can_query_it(busy_network, 
     client.settle()
     for number in (1, 2):
         busy_network.open_service(ServiceName(f"/later{number}", Trigger), print)
-        assert changes.get(timeout=PATIENCE).payload.to_bytes() == b""
+        assert changes.get(timeout=TIMEOUT).payload.to_bytes() == b""
         assert client.call("mjplug/interfaces").json["services"][-1]["name"] == f"/later{number}"
     assert changes.empty()
 

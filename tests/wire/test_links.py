@@ -21,7 +21,7 @@ from mjplug.wire.endpoints import on_free_port
 from mjplug.wire.session import SessionSettings, join, open_router, open_session
 from mjplug_schemas.std_msgs import String
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 
 
 def test_a_subscription_returns_when_its_publishers_know_of_it_however_late_zenoh_reports_it(network):
@@ -32,19 +32,19 @@ def test_a_subscription_returns_when_its_publishers_know_of_it_however_late_zeno
     def block(status):
         if status.matching:
             blocked.set()
-            release.wait(PATIENCE)
+            release.wait(TIMEOUT)
 
     # Zenoh reports subscribers to publishers on one thread, which this stops.
     plug.declare_matching_listener(Callback(block, indirect=False))
     try:
         with connect(network.session.endpoint) as client:
             client.session.declare_subscriber("plug", lambda sample: None)
-            assert blocked.wait(PATIENCE)
+            assert blocked.wait(TIMEOUT)
             assert not publisher.matched
             messages = client.subscribe("/x")
             assert publisher.matched
             publisher.publish(String(data="first"))
-            assert messages.next(PATIENCE) == String(data="first")
+            assert messages.next(TIMEOUT) == String(data="first")
             messages.close()
             release.set()
     finally:
@@ -263,7 +263,7 @@ def test_a_server_waits_for_the_router_that_it_is_configured_to_connect_to(opene
         with pytest.raises(queue.Empty):
             found.get(timeout=1.5)
         opened(open_router(SessionSettings(listen=(endpoint,))))
-        early = opened(found.get(timeout=2 * PATIENCE))
+        early = opened(found.get(timeout=2 * TIMEOUT))
     assert early.role == "client"
     assert [line for line in caplog.messages if line.endswith("; waiting for it")]
     assert len(caplog.messages) == 1

@@ -89,7 +89,7 @@ def test_a_latched_message_of_a_tenant_waits_for_those_who_come_later(network, t
 
 @pytest.fixture
 def narrow_client(network, opened):
-    """A client on another machine, so to speak, to which 4 MB go in a second."""
+    """A client with its own network address, with a link of 4 MB/s."""
     link = opened(NarrowLink(int(network.session.endpoint.rpartition(":")[2]), 4e6))
     config = client_config(link.endpoint)
     config.insert_json5("transport/shared_memory/enabled", "false")

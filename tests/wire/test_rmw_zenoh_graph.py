@@ -1,4 +1,4 @@
-"""What ROS 2 nodes see of the graph, and what they are told when definitions differ."""
+"""The ROS graph that ROS 2 nodes see, and the warnings when type definitions differ."""
 
 import queue
 import threading
@@ -9,7 +9,7 @@ from wire.ros_peer import (
     ANY_PORT,
     HEARTBEAT,
     HEARTBEAT_KEY,
-    PATIENCE,
+    TIMEOUT,
     STRING_HASH,
     TRIGGER_KEY,
     WHO,
@@ -84,11 +84,11 @@ def test_tokens_come_and_go_with_the_server_the_node_first_and_last(opened, clie
     network.open_service(ServiceName("/trigger", Trigger), print)
     # The first service is one that every node has.
     declared = ["NN", "SS", "MP", "SS"]
-    seen_put = [seen.get(timeout=PATIENCE) for _ in declared]
+    seen_put = [seen.get(timeout=TIMEOUT) for _ in declared]
     assert all(kind == zenoh.SampleKind.PUT for kind, _ in seen_put)
     assert sorted(what for _, what in seen_put) == sorted(declared)
     network.close()
-    gone = [seen.get(timeout=PATIENCE) for _ in declared]
+    gone = [seen.get(timeout=TIMEOUT) for _ in declared]
     assert gone == [(zenoh.SampleKind.DELETE, what) for what in reversed(declared)]
     kept.undeclare()
 
@@ -110,7 +110,7 @@ def test_everything_comes_back_after_the_router_was_gone(opened, client_of):
     samples = client.listen(HEARTBEAT_KEY)
     matched.wait()
     publisher.publish(String(data="still alive"))
-    assert bytes(samples.get(timeout=PATIENCE).payload) == String(data="still alive").to_cdr()
+    assert bytes(samples.get(timeout=TIMEOUT).payload) == String(data="still alive").to_cdr()
     reply = request(client, TRIGGER_KEY, b"\0\1\0\0\0", Attachment(1, 1, WHO).to_bytes())
     assert Trigger.Response.from_cdr(bytes(reply.ok.payload)).success is True
 
@@ -133,10 +133,10 @@ def test_another_definition_of_a_type_is_reported_once(network, client, caplog):
     kept = [client_token(f"{theirs}/{STRING_HASH}/::,10:,:,:,,"), client_token(f"{theirs}/{other}/::,10:,:,:,,")]
     client.settle()
     network.open_publisher(HEARTBEAT)
-    told.get(timeout=PATIENCE)
+    told.get(timeout=TIMEOUT)
     kept.append(client_token(f"{theirs}/{other}/::,1:,:,:,,"))
     kept.append(client_token(f"{theirs}/{third}/::,1:,:,:,,"))
-    told.get(timeout=PATIENCE)
+    told.get(timeout=TIMEOUT)
     line, about_third = [line for line in caplog.messages if "type hash" in line]
     assert f"type hash {third}; the hash of mjplug is {STRING_HASH}" in about_third
     assert line.startswith(
@@ -181,6 +181,6 @@ def test_the_wrong_distribution_is_named_as_the_cause(new_ros_network, client_of
     network.open_subscription(Topic("/chatter", String, DEFAULT), print)
     token = f"@ros2_lv/0/{client.session.zid()}/0/1/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{theirs}"
     kept = client.session.liveliness().declare_token(f"{token}/::,10:,:,:,,")
-    assert told.wait(PATIENCE)
+    assert told.wait(TIMEOUT)
     assert way_out in caplog.messages[0]
     kept.undeclare()

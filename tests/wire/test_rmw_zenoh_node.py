@@ -15,7 +15,7 @@ from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_srvs import Trigger
 from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def new_node(opened, client_of):
                 payload=service.Request(**request).to_cdr(),
                 attachment=Attachment(1, 1, bytes(16)).to_bytes(),
                 target=zenoh.QueryTarget.ALL_COMPLETE,
-                timeout=PATIENCE,
+                timeout=TIMEOUT,
             )
             return [service.Response.from_cdr(bytes(reply.ok.payload)) for reply in replies]
 
@@ -107,4 +107,4 @@ def test_plain_clients_do_not_see_it(new_node, client_of):
     client = client_of(network.session.endpoint)
     listing = client.call("robot1/mjplug/interfaces").json
     assert listing["services"] == []
-    assert list(client.session.get("robot1/mjplug/get_type_description", timeout=PATIENCE)) == []
+    assert list(client.session.get("robot1/mjplug/get_type_description", timeout=TIMEOUT)) == []

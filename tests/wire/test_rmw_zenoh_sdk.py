@@ -1,4 +1,4 @@
-"""zenoh-ros2-sdk as a ROS 2 node: it reads and writes rmw_zenoh's format with code of its own."""
+"""zenoh-ros2-sdk as a ROS 2 node: an independent implementation of rmw_zenoh's format."""
 
 import json
 import os
@@ -31,7 +31,7 @@ from mjplug_schemas.std_msgs import String
 
 PEER = Path(__file__).parent / "sdk_peer.py"
 OLDER_PEER = Path(__file__).parent / "older_peer.py"
-PATIENCE = 30.0
+TIMEOUT = 30.0
 
 OLDER = [pytest.param(version, marks=[pytest.mark.slow, pytest.mark.timeout(240)]) for version in ("1.9.0", "1.5.0")]
 """Versions of Zenoh that peers may have; the server itself needs 1.6."""
@@ -63,7 +63,7 @@ def python_of(tmp_path_factory):
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts a peer; returns what it tells, as a queue of pairs."""
+    """Starts a peer; returns its output as a queue of pairs."""
     started = []
 
     def start_one(*command, **environment):
@@ -147,18 +147,18 @@ def meet(network, start_peer, version=None):
     network.open_subscription(Topic("/robot1/cmd_vel", Twist, LATEST), twists.put)
     network.open_service(ServiceName("/external_wrench/apply_wrench", ApplyExternalWrench), calls.put)
     peer = start_peer(network.session.endpoint, "pelvis", "/robot1/cmd_vel", version=version)
-    assert all(event.wait(PATIENCE) for event in heard.values())
+    assert all(event.wait(TIMEOUT) for event in heard.values())
     heartbeat.publish(String(data="alive"))
-    assert peer.get(timeout=PATIENCE) == ("/mujoco_heartbeat", "alive")
+    assert peer.get(timeout=TIMEOUT) == ("/mujoco_heartbeat", "alive")
     clock.publish(Clock(clock=Time(sec=3, nanosec=20_000_000)))
-    assert peer.get(timeout=PATIENCE) == ("/clock", 20_000_000)
-    assert twists.get(timeout=PATIENCE) == Twist(linear=Vector3(x=0.5), angular=Vector3(z=-1.0))
-    call = calls.get(timeout=PATIENCE)
+    assert peer.get(timeout=TIMEOUT) == ("/clock", 20_000_000)
+    assert twists.get(timeout=TIMEOUT) == Twist(linear=Vector3(x=0.5), angular=Vector3(z=-1.0))
+    call = calls.get(timeout=TIMEOUT)
     (wrench,) = call.request.wrenches.external_wrenches
     assert (wrench.wrench.header.frame_id, wrench.wrench.wrench.force.x) == ("pelvis", 1.0)
     assert wrench.duration.nanosec == 300_000_000
     call.respond(ApplyExternalWrench.Response(success=True, message="the push is over"))
-    told = dict(peer.get(timeout=PATIENCE) for _ in range(5))
+    told = dict(peer.get(timeout=TIMEOUT) for _ in range(5))
     assert told == {
         "response": [True, "the push is over"],
         "topics": {
@@ -185,7 +185,7 @@ def test_nothing_is_lost_where_best_effort_and_reliable_topics_share_a_link(open
     network.open_publisher(name).publish(String(data="box"))
     keys = [RosSettings().data_key(topic.name, topic.type) for topic in (name, *topics)]
     peer = start(python_of(version), OLDER_PEER, network.session.endpoint, keys[0], "200", *keys[1:])
-    assert all(event.wait(PATIENCE) for event in matched)
+    assert all(event.wait(TIMEOUT) for event in matched)
     tick = threading.Event()
     for _ in range(200):
         # One right after the other, so that both leave in one batch.
@@ -193,7 +193,7 @@ def test_nothing_is_lost_where_best_effort_and_reliable_topics_share_a_link(open
         clock.publish(Clock())
         tick.wait(0.001)
     numbers = list(range(1, 201))
-    assert peer.get(timeout=PATIENCE) == ("got", [["box"], numbers, numbers])
+    assert peer.get(timeout=TIMEOUT) == ("got", [["box"], numbers, numbers])
 
 
 def test_a_foreign_node_meets_a_server_with_its_default_settings(start_peer, tmp_path):
@@ -201,7 +201,7 @@ def test_a_foreign_node_meets_a_server_with_its_default_settings(start_peer, tmp
     served = Served("bundled:box", *plugins, cwd=tmp_path, env={"ROS_DOMAIN_ID": "0"})
     try:
         peer = start_peer(served.endpoint, "box")
-        told = dict(peer.get(timeout=PATIENCE) for _ in range(7))
+        told = dict(peer.get(timeout=TIMEOUT) for _ in range(7))
         assert served.stop() == 0
     finally:
         served.kill()
@@ -211,7 +211,7 @@ def test_a_foreign_node_meets_a_server_with_its_default_settings(start_peer, tmp
     assert told["services"]["/mjplug/set_pause"] == ["mujoco_ros2_control_msgs/srv/SetPause"]
     assert told["clock publisher"] == ["/", "mjplug", "2::,1:,:,:,,"]
     assert told["end"] == 0
-    # With the same definitions on both sides, there is nothing to warn of.
+    # With the same definitions on both sides, nothing is logged.
     assert "type hash" not in served.err.text
 
 
@@ -223,7 +223,7 @@ def test_the_node_of_a_server_has_its_configuration_as_parameters(client_of, tmp
             RosSettings(7).data_key("/mjplug/get_parameters", GetParameters),
             payload=GetParameters.Request(names=names).to_cdr(),
             attachment=Attachment(1, 1, bytes(16)).to_bytes(),
-            timeout=PATIENCE,
+            timeout=TIMEOUT,
         )
         values = GetParameters.Response.from_cdr(bytes(reply.ok.payload)).values
     finally:
@@ -239,7 +239,7 @@ def test_the_node_of_a_server_has_its_configuration_as_parameters(client_of, tmp
 def test_the_configuration_says_who_sees_the_server(client_of, tmp_path, options, domains):
     served = Served("bundled:box", *options, cwd=tmp_path, env={"ROS_DOMAIN_ID": "42"})
     try:
-        tokens = client_of(served.endpoint).session.liveliness().get("@ros2_lv/**", timeout=PATIENCE)
+        tokens = client_of(served.endpoint).session.liveliness().get("@ros2_lv/**", timeout=TIMEOUT)
         assert {str(reply.ok.key_expr).split("/")[1] for reply in tokens} == domains
     finally:
         served.stop()

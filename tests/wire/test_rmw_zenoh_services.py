@@ -5,7 +5,7 @@ import time
 
 import pytest
 import zenoh
-from wire.ros_peer import PATIENCE, TRIGGER_KEY, WHO, WRENCH_KEY, request
+from wire.ros_peer import TIMEOUT, TRIGGER_KEY, WHO, WRENCH_KEY, request
 from zenoh.ext import Int64, z_serialize
 
 from mjplug.contracts.transport import ServiceName
@@ -56,14 +56,14 @@ def test_a_deferred_response_has_the_bytes_of_the_worked_example(network, client
         consolidation=zenoh.ConsolidationMode.NONE,
         payload=WRENCH_REQUEST,
         attachment=Attachment(5, 1234, WHO).to_bytes(),
-        timeout=PATIENCE,
+        timeout=TIMEOUT,
     )
-    call = calls.get(timeout=PATIENCE)
+    call = calls.get(timeout=TIMEOUT)
     assert len(WRENCH_REQUEST) == 132
     assert call.request == ApplyExternalWrench.Request(wrenches=ExternalWrenchArray(external_wrenches=(wrench(),)))
     before = time.time_ns()
     call.respond(ApplyExternalWrench.Response(success=True, message="ok"))
-    sample = replies.get(timeout=PATIENCE).ok
+    sample = replies.get(timeout=TIMEOUT).ok
     assert str(sample.key_expr) == WRENCH_KEY
     assert bytes(sample.payload) == bytes.fromhex("00010000 01 000000 03000000 6f6b00")
     attachment = bytes(sample.attachment)
@@ -126,7 +126,7 @@ def test_a_request_that_cannot_be_read_gets_an_error_response(network, client, p
         assert response.success is False
         assert "SetBool_Request" in response.message or "bytes" in response.message
     else:
-        # No payload at all is what a request without fields may be; it means the initial values.
+        # A request without fields may have no payload; its fields have their default values.
         assert SetBool.Response.from_cdr(bytes(reply.ok.payload)).success is True
     assert Attachment.from_bytes(bytes(reply.ok.attachment)).sequence_number == 9
 
@@ -159,11 +159,11 @@ def test_requests_that_wait_are_answered_before_the_server_leaves(network, clien
     client.settle()
     replies = queue.SimpleQueue()
     client.session.get(
-        TRIGGER_KEY, replies.put, payload=b"\0\1\0\0\0", attachment=Attachment(1, 1, WHO).to_bytes(), timeout=PATIENCE
+        TRIGGER_KEY, replies.put, payload=b"\0\1\0\0\0", attachment=Attachment(1, 1, WHO).to_bytes(), timeout=TIMEOUT
     )
-    calls.get(timeout=PATIENCE)
+    calls.get(timeout=TIMEOUT)
     network.close("the server is stopping")
-    sample = replies.get(timeout=PATIENCE).ok
+    sample = replies.get(timeout=TIMEOUT).ok
     assert Trigger.Response.from_cdr(bytes(sample.payload)).message == "the server is stopping"
 
 

@@ -5,7 +5,7 @@ import time
 
 import pytest
 import zenoh
-from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, PATIENCE, WHO, Matched, tokens, until
+from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, TIMEOUT, WHO, Matched, tokens, until
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_publisher, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
@@ -30,7 +30,7 @@ def test_a_message_has_the_bytes_of_the_worked_example(network, client):
     matched.wait()
     before = time.time_ns()
     publisher.publish(String(data="alive"))
-    sample = samples.get(timeout=PATIENCE)
+    sample = samples.get(timeout=TIMEOUT)
     assert str(sample.key_expr) == HEARTBEAT_KEY
     assert bytes(sample.payload) == bytes.fromhex("00010000 06000000 616c69766500")
     attachment = bytes(sample.attachment)
@@ -52,7 +52,7 @@ def test_numbers_count_only_what_is_sent(network, client):
         matched.wait()
         for text in ("a", "b"):
             publisher.publish(String(data=text))
-            sample = samples.get(timeout=PATIENCE)
+            sample = samples.get(timeout=TIMEOUT)
             numbers.append(Attachment.from_bytes(bytes(sample.attachment)).sequence_number)
         subscriber.undeclare()
         until(lambda: not publisher.matched)
@@ -66,7 +66,7 @@ def test_plain_clients_and_nodes_get_the_same_payload(network, client):
     matched.wait()
     matched.wait()
     publisher.publish(String(data="both"))
-    first, second = plain.get(timeout=PATIENCE), ros.get(timeout=PATIENCE)
+    first, second = plain.get(timeout=TIMEOUT), ros.get(timeout=TIMEOUT)
     assert bytes(first.payload) == bytes(second.payload) == String(data="both").to_cdr()
     assert first.attachment is None
     assert (str(first.encoding), str(second.encoding)) == ("application/cdr;std_msgs/msg/String", "zenoh/bytes")
@@ -88,13 +88,13 @@ def test_a_late_node_gets_the_last_latched_message_as_it_was_sent(network, clien
         recovery=RecoveryConfig(periodic_queries=None, heartbeat=True) if reliability == "reliable" else None,
         subscriber_detection=True,
     )
-    sample = samples.get(timeout=PATIENCE)
+    sample = samples.get(timeout=TIMEOUT)
     assert String.from_cdr(bytes(sample.payload)).data == "new"
     attachment = Attachment.from_bytes(bytes(sample.attachment))
     (token,) = tokens(client, "@ros2_lv/*/*/*/*/MP/**")
     assert (attachment.sequence_number, attachment.gid) == (2, gid(token))
     publisher.publish(String(data="live"))
-    live = samples.get(timeout=PATIENCE)
+    live = samples.get(timeout=TIMEOUT)
     assert String.from_cdr(bytes(live.payload)).data == "live"
     assert Attachment.from_bytes(bytes(live.attachment)).sequence_number == 3
     subscriber.undeclare()
@@ -108,7 +108,7 @@ def test_messages_of_nodes_with_our_hash_and_of_humble_are_read(network, client,
     publisher = client.publisher(f"0/cmd_vel/geometry_msgs::msg::dds_::Twist_/{type_hash}")
     publisher.put(b"\0\1\0\0not a twist", attachment=Attachment(1, 1, WHO).to_bytes())
     publisher.put(twist.to_cdr(), encoding="image/png", attachment=Attachment(2, 1, WHO).to_bytes())
-    assert got.get(timeout=PATIENCE) == twist
+    assert got.get(timeout=TIMEOUT) == twist
 
 
 def test_a_message_of_another_definition_is_counted_and_not_decoded(network, client):
@@ -120,7 +120,7 @@ def test_a_message_of_another_definition_is_counted_and_not_decoded(network, cli
     foreign.put(Twist(linear=Vector3(x=1.0)).to_cdr())
     until(lambda: network.refused()["/cmd_vel"] == 1)
     ours.put(Twist(linear=Vector3(x=2.0)).to_cdr())
-    assert messages.get(timeout=PATIENCE).linear.x == 2.0
+    assert messages.get(timeout=TIMEOUT).linear.x == 2.0
     assert messages.empty()
 
 
@@ -136,7 +136,7 @@ def test_a_latched_subscription_gets_what_a_node_sent_before(network, client):
     client.settle()
     got = queue.SimpleQueue()
     network.open_subscription(Topic("/map_name", String, LATCHED), got.put)
-    assert got.get(timeout=PATIENCE) == String(data="office")
+    assert got.get(timeout=TIMEOUT) == String(data="office")
 
 
 def test_a_closed_network_sends_nothing_and_closes_twice(network, client):

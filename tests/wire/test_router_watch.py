@@ -14,11 +14,11 @@ from mjplug.wire.endpoints import on_free_port
 from mjplug.wire.router_watch import RouterWatch
 from mjplug.wire.session import SessionSettings, open_session
 
-PATIENCE = 10.0
+TIMEOUT = 10.0
 
 
 class Info:
-    """What Zenoh knows of a session whose router is there until `gone` is set."""
+    """Replaces Zenoh's information on a session whose router is connected until `gone` is set."""
 
     def __init__(self):
         self.gone = threading.Event()
@@ -40,7 +40,7 @@ def often(monkeypatch):
 def watch(info, host):
     """Looks after a connection whose router goes after it has been seen."""
     made = RouterWatch(SimpleNamespace(info=info), ("tcp/192.0.2.1:7447",), host)
-    assert info.seen.wait(PATIENCE)
+    assert info.seen.wait(TIMEOUT)
     threading.Event().wait(0.05)
     info.gone.set()
     return made
@@ -57,7 +57,7 @@ def test_a_router_that_cannot_be_hosted_yet_is_tried_again_and_reported_once(oft
         return SimpleNamespace(close=lambda: closed.append("once"))
 
     with closing(watch(info, host)) as watched:
-        assert hosted.wait(PATIENCE)
+        assert hosted.wait(TIMEOUT)
         watched.stop()
     assert attempts.qsize() == 4
     assert closed == ["once"]
@@ -75,7 +75,7 @@ def test_a_router_that_ends_before_anybody_looked_for_it_is_replaced_too(often):
         return SimpleNamespace(close=lambda: None)
 
     with closing(RouterWatch(SimpleNamespace(info=info), ("tcp/192.0.2.1:7447",), host)):
-        assert hosted.wait(PATIENCE)
+        assert hosted.wait(TIMEOUT)
 
 
 def test_a_server_that_stops_while_it_takes_over_leaves_no_router(often):
@@ -83,15 +83,15 @@ def test_a_server_that_stops_while_it_takes_over_leaves_no_router(often):
 
     def host():
         asked.set()
-        assert release.wait(PATIENCE)
+        assert release.wait(TIMEOUT)
         return SimpleNamespace(close=closed.set)
 
     watched = watch(info, host)
-    assert asked.wait(PATIENCE)
+    assert asked.wait(TIMEOUT)
     stopping = threading.Thread(target=watched.close)
     stopping.start()
     release.set()
-    stopping.join(PATIENCE)
+    stopping.join(TIMEOUT)
     assert not stopping.is_alive()
     assert closed.is_set()
 
@@ -108,9 +108,9 @@ def test_a_server_that_hosts_a_router_for_everybody_reports_it(often, opened, ca
     logging.getLogger("mjplug.wire").addHandler(handler)
     try:
         first.close()
-        lines = [reported.get(timeout=PATIENCE)]
+        lines = [reported.get(timeout=TIMEOUT)]
         while "hosts the Zenoh router" not in lines[-1]:
-            lines.append(reported.get(timeout=PATIENCE))
+            lines.append(reported.get(timeout=TIMEOUT))
     finally:
         logging.getLogger("mjplug.wire").removeHandler(handler)
     assert [line for line in lines if line.startswith(f"{endpoint} accepts all clients")]

@@ -16,7 +16,7 @@ from mjplug.errors import WireError
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_srvs import Empty, SetBool, Trigger
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 YES = SetBool.Response(success=True, message="yes")
 NO = SetBool.Response(success=False, message="no")
@@ -139,18 +139,18 @@ def test_three_hundred_requests_in_flight_are_all_answered_from_another_thread(c
     client.settle()
     answers = queue.SimpleQueue()
     for i in range(300):
-        client.session.get("step", answers.put, payload=StepSimulation.Request(steps=i).to_cdr(), timeout=PATIENCE)
+        client.session.get("step", answers.put, payload=StepSimulation.Request(steps=i).to_cdr(), timeout=TIMEOUT)
 
     def serve():
-        waiting = [calls.get(timeout=PATIENCE) for _ in range(300)]
+        waiting = [calls.get(timeout=TIMEOUT) for _ in range(300)]
         assert len(network.open_calls) == 300
         for call in reversed(waiting):
             call.respond(StepSimulation.Response(success=True, message=str(call.request.steps)))
 
     server = threading.Thread(target=serve)
     server.start()
-    replies = [answers.get(timeout=PATIENCE) for _ in range(300)]
-    server.join(PATIENCE)
+    replies = [answers.get(timeout=TIMEOUT) for _ in range(300)]
+    server.join(TIMEOUT)
     told = {int(StepSimulation.Response.from_cdr(bytes(reply.ok.payload)).message) for reply in replies}
     assert told == set(range(300))
     assert len(network.open_calls) == 0
@@ -165,7 +165,7 @@ def test_over_the_limit_a_client_gets_the_error_that_the_server_is_busy(new_netw
     client.settle()
     for _ in range(2):
         client.session.get("trigger", answers.put)
-        calls.get(timeout=PATIENCE)
+        calls.get(timeout=TIMEOUT)
     assert client.call("trigger").json == {
         "success": False,
         "message": "busy: 2 requests are waiting, which is the maximum; try again later",
@@ -216,11 +216,11 @@ def test_open_calls_are_answered_before_the_network_closes(client, network):
     answers = queue.SimpleQueue()
     client.settle()
     for _ in range(50):
-        client.session.get("trigger", answers.put, timeout=PATIENCE)
-    held = [calls.get(timeout=PATIENCE) for _ in range(50)]
+        client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    held = [calls.get(timeout=TIMEOUT) for _ in range(50)]
     network.close("the server is stopping")
     for _ in range(50):
-        reply = answers.get(timeout=PATIENCE)
+        reply = answers.get(timeout=TIMEOUT)
         assert reply.ok is not None
         assert Trigger.Response.from_json(bytes(reply.ok.payload)).message == "the server is stopping"
     held[0].respond(Trigger.Response(success=True))
@@ -231,14 +231,14 @@ def test_open_calls_can_be_refused_while_the_server_continues(client, network):
     network.open_service(ServiceName("/trigger", Trigger), calls.put)
     answers = queue.SimpleQueue()
     client.settle()
-    client.session.get("trigger", answers.put, timeout=PATIENCE)
-    calls.get(timeout=PATIENCE)
+    client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    calls.get(timeout=TIMEOUT)
     network.refuse_open_calls("the world was reset")
-    reply = answers.get(timeout=PATIENCE)
+    reply = answers.get(timeout=TIMEOUT)
     assert Trigger.Response.from_json(bytes(reply.ok.payload)).message == "the world was reset"
-    client.session.get("trigger", answers.put, timeout=PATIENCE)
-    calls.get(timeout=PATIENCE).respond(Trigger.Response(success=True))
-    assert Trigger.Response.from_json(bytes(answers.get(timeout=PATIENCE).ok.payload)).success
+    client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    calls.get(timeout=TIMEOUT).respond(Trigger.Response(success=True))
+    assert Trigger.Response.from_json(bytes(answers.get(timeout=TIMEOUT).ok.payload)).success
 
 
 VANISHING_CLIENT = """
@@ -253,17 +253,17 @@ def test_a_client_that_vanishes_leaves_no_trace_but_a_debug_line(client, network
     network.open_service(ServiceName("/trigger", Trigger), calls.put)
     config = '{mode: "client", connect: {endpoints: ["%s"]}, scouting: {multicast: {enabled: false}}}'
     process = subprocess.Popen([sys.executable, "-c", VANISHING_CLIENT, config % network.session.endpoint])
-    call = calls.get(timeout=PATIENCE)
+    call = calls.get(timeout=TIMEOUT)
     process.kill()
-    process.wait(PATIENCE)
+    process.wait(TIMEOUT)
     with caplog.at_level(logging.INFO):
         call.respond(Trigger.Response(success=True))
     assert len(network.open_calls) == 0
     assert caplog.messages == []
     answers = queue.SimpleQueue()
-    client.session.get("trigger", answers.put, timeout=PATIENCE)
-    calls.get(timeout=PATIENCE).respond(Trigger.Response(success=True))
-    assert answers.get(timeout=PATIENCE).ok is not None
+    client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    calls.get(timeout=TIMEOUT).respond(Trigger.Response(success=True))
+    assert answers.get(timeout=TIMEOUT).ok is not None
 
 
 STOPPED_CLIENT = """
@@ -282,7 +282,7 @@ def test_a_client_that_stops_reading_does_not_hold_up_who_answers(network, clien
     config = '{mode: "client", connect: {endpoints: ["%s"]}, scouting: {multicast: {enabled: false}}}'
     command = [sys.executable, "-c", STOPPED_CLIENT, config % network.session.endpoint]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        held = [calls.get(timeout=PATIENCE) for _ in range(100)]
+        held = [calls.get(timeout=TIMEOUT) for _ in range(100)]
         process.send_signal(signal.SIGSTOP)
         response = Trigger.Response(success=True, message="x" * 100_000)
         start = time.monotonic()
@@ -292,9 +292,9 @@ def test_a_client_that_stops_reading_does_not_hold_up_who_answers(network, clien
         assert time.monotonic() - start < 0.5
         process.kill()
     answers = queue.SimpleQueue()
-    client.session.get("trigger", answers.put, timeout=PATIENCE)
-    calls.get(timeout=PATIENCE).respond(Trigger.Response(success=True))
-    assert answers.get(timeout=PATIENCE).ok is not None
+    client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    calls.get(timeout=TIMEOUT).respond(Trigger.Response(success=True))
+    assert answers.get(timeout=TIMEOUT).ok is not None
 
 
 def test_a_service_is_offered_once(network):

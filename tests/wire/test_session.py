@@ -17,12 +17,12 @@ from mjplug.wire.session import SessionSettings, open_session
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 
 @pytest.fixture
 def foreign():
-    """The endpoint of a program that accepts connections and says nothing."""
+    """The endpoint of a program that accepts connections and sends nothing."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield f"tcp/127.0.0.1:{server.getsockname()[1]}"
 
@@ -47,9 +47,9 @@ def test_where_a_router_listens_already_a_server_joins_it(network, new_network, 
     assert client.call("go").json["success"] is True
     assert client.call("robot2/mjplug/interfaces").json["name"] == "/robot2/mjplug"
     samples = client.listen("x")
-    assert matched.wait(PATIENCE)
+    assert matched.wait(TIMEOUT)
     publisher.publish(String(data="hello"))
-    assert bytes(samples.get(timeout=PATIENCE).payload) == String(data="hello").to_cdr()
+    assert bytes(samples.get(timeout=TIMEOUT).payload) == String(data="hello").to_cdr()
 
 
 def test_two_servers_on_one_network_talk_to_each_other(network, new_network):
@@ -58,9 +58,9 @@ def test_two_servers_on_one_network_talk_to_each_other(network, new_network):
     network.open_subscription(Topic("/x", String, DEFAULT), messages.put)
     matched = threading.Event()
     publisher = joined.open_publisher(Topic("/x", String, DEFAULT), matched.set)
-    assert matched.wait(PATIENCE)
+    assert matched.wait(TIMEOUT)
     publisher.publish(String(data="hello"))
-    assert messages.get(timeout=PATIENCE) == String(data="hello")
+    assert messages.get(timeout=TIMEOUT) == String(data="hello")
 
 
 def test_a_foreign_program_on_the_port_is_named_with_the_way_out(foreign):
@@ -137,7 +137,7 @@ def test_names_that_contain_each_other_are_different(network, new_network):
 
 
 class Warned(logging.Handler):
-    """Waits for the line that says that two servers have one name."""
+    """Waits for the log line about two servers with the same name."""
 
     def __init__(self):
         super().__init__()
@@ -150,7 +150,7 @@ class Warned(logging.Handler):
         """Returns once each of these servers has been named, by its Zenoh id."""
         missing = {f"Zenoh id {session.zenoh.zid()} is on this network" for session in sessions}
         while missing:
-            line = self._lines.get(timeout=2 * PATIENCE)
+            line = self._lines.get(timeout=2 * TIMEOUT)
             missing = {part for part in missing if part not in line}
 
 

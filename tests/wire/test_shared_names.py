@@ -1,4 +1,4 @@
-"""Two servers of one network that use the same names both say so."""
+"""Two servers in one network with the same names both log a warning."""
 
 import json
 import logging
@@ -16,7 +16,7 @@ from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_srvs import Trigger
 from mjplug_schemas.tf2_msgs import TFMessage
 
-PATIENCE = 20.0
+TIMEOUT = 20.0
 
 
 def declared(published=(), subscribed=(), services=(), name="/mjplug"):
@@ -77,7 +77,7 @@ class Warnings(logging.Handler):
         self.came.put(record.getMessage())
 
     def next(self):
-        return self.came.get(timeout=PATIENCE)
+        return self.came.get(timeout=TIMEOUT)
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def warnings():
 
 @pytest.fixture
 def server(new_network):
-    """Opens a network with topics that are published, and lets it watch."""
+    """Opens a network with published topics, and starts its watch for shared names."""
 
     def server(name, *topics, ready=True, **settings):
         network = new_network(name, **settings)
@@ -156,7 +156,7 @@ def test_a_program_that_poses_as_a_server_does_no_harm(server, client_of, warnin
     liar._kept.append(liar.session.liveliness().declare_token("@mjplug/liar/1/@ready"))
     assert warnings.next().startswith("server /liar on this network replied with an invalid list of interfaces: ")
     server("/b", "/x", listen=first.session.listening)
-    # The second server asks the program too.
+    # The second server queries the program too.
     told = [warnings.next(), warnings.next(), warnings.next()]
     assert sum("both publish /x. " in sentence for sentence in told) == 2
 
@@ -173,7 +173,7 @@ def test_a_program_that_announces_a_server_and_never_answers_does_not_hold_up_th
 
     liar._kept.append(liar.session.declare_queryable("liar/interfaces", keep))
     liar._kept.append(liar.session.liveliness().declare_token("@mjplug/liar/1/@ready"))
-    asked.get(timeout=PATIENCE)
+    asked.get(timeout=TIMEOUT)
     first.close()
     assert not first._shared._thread.is_alive()
     kept.clear()

@@ -9,7 +9,7 @@ from mjplug.contracts.transport import DEFAULT, LATCHED, Topic
 from mjplug.wire.topic_rates import TopicRates
 from mjplug_schemas.std_msgs import Float64
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 
 def test_the_rates_of_topics_with_subscribers_are_reported(network, client):
@@ -19,7 +19,7 @@ def test_the_rates_of_topics_with_subscribers_are_reported(network, client):
     unheard = network.open_publisher(Topic("/unheard", Float64, DEFAULT))
     latched, untouched = (network.open_publisher(Topic(name, Float64, LATCHED)) for name in ("/latched", "/untouched"))
     subscriber = client.session.declare_subscriber("heard")
-    assert appeared.wait(PATIENCE)
+    assert appeared.wait(TIMEOUT)
     rates = TopicRates(network, 10.0)
     for _ in range(30):
         heard.publish(Float64())
@@ -40,7 +40,7 @@ def test_what_a_worker_publishes_is_not_counted_as_nothing(network, client):
     appeared = threading.Event()
     publisher = network.open_publisher(Topic("/image", Float64, DEFAULT), appeared.set)
     subscriber = client.session.declare_subscriber("image")
-    assert appeared.wait(PATIENCE)
+    assert appeared.wait(TIMEOUT)
     rates = TopicRates(network, 0.0)
     publisher.remote_spec()
     rates.refresh(1.0)

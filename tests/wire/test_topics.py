@@ -16,7 +16,7 @@ from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64, String
 
-PATIENCE = 5.0
+TIMEOUT = 5.0
 
 HELLO = String(data="hello")
 HELLO_CDR = b"\0\1\0\0\x06\0\0\0hello\0"
@@ -33,16 +33,16 @@ class Matches:
 
     def wait(self, count=1):
         for _ in range(count):
-            assert self._calls.acquire(timeout=PATIENCE)
+            assert self._calls.acquire(timeout=TIMEOUT)
 
     def is_exhausted(self):
         return not self._calls.acquire(blocking=False)
 
 
 def until(condition):
-    """Waits for what no event tells."""
+    """Waits for a condition that is not reported by an event."""
     pause = threading.Event()
-    for _ in range(int(PATIENCE / 0.005)):
+    for _ in range(int(TIMEOUT / 0.005)):
         if condition():
             return
         pause.wait(0.005)
@@ -59,10 +59,10 @@ def test_a_topic_is_cdr_on_its_key_and_json_beside_it(network, client, matches):
     cdr, readable = client.listen("robot1/chatter"), client.listen("robot1/chatter/@json")
     matches.wait(2)
     publisher.publish(HELLO)
-    sample = cdr.get(timeout=PATIENCE)
+    sample = cdr.get(timeout=TIMEOUT)
     assert bytes(sample.payload) == HELLO_CDR
     assert str(sample.encoding) == "application/cdr;std_msgs/msg/String"
-    sample = readable.get(timeout=PATIENCE)
+    sample = readable.get(timeout=TIMEOUT)
     assert json.loads(bytes(sample.payload)) == {"data": "hello"}
     assert str(sample.encoding) == "application/json"
 
@@ -75,9 +75,9 @@ def test_a_listener_to_everything_readable_and_one_to_everything_see_each_messag
     chatter.publish(HELLO)
     number.publish(Float64(data=0.5))
     chatter.publish(String(data="end"))
-    seen = [everything.get(timeout=PATIENCE) for _ in range(3)]
+    seen = [everything.get(timeout=TIMEOUT) for _ in range(3)]
     assert [str(sample.key_expr) for sample in seen] == ["chatter", "a/b/number", "chatter"]
-    seen = [readable.get(timeout=PATIENCE) for _ in range(3)]
+    seen = [readable.get(timeout=TIMEOUT) for _ in range(3)]
     assert [str(sample.key_expr) for sample in seen] == ["chatter/@json", "a/b/number/@json", "chatter/@json"]
     assert everything.empty()
     assert readable.empty()
@@ -97,7 +97,7 @@ def test_a_publisher_is_matched_from_its_first_to_its_last_subscriber(network, c
     samples = second.listen("chatter/@json")
     matches.wait()
     publisher.publish(String(data="second"))
-    assert json.loads(bytes(samples.get(timeout=PATIENCE).payload)) == {"data": "second"}
+    assert json.loads(bytes(samples.get(timeout=TIMEOUT).payload)) == {"data": "second"}
     assert matches.is_exhausted()
 
 
@@ -107,7 +107,7 @@ def test_a_listener_that_was_there_first_matches(network, client, matches):
     publisher = network.open_publisher(Topic("/chatter", String, DEFAULT), matches)
     matches.wait()
     publisher.publish(HELLO)
-    assert bytes(samples.get(timeout=PATIENCE).payload) == HELLO_CDR
+    assert bytes(samples.get(timeout=TIMEOUT).payload) == HELLO_CDR
 
 
 def test_a_frame_reaches_both_kinds_of_listeners(network, client, matches):
@@ -117,8 +117,8 @@ def test_a_frame_reaches_both_kinds_of_listeners(network, client, matches):
     frame = CdrFrame(JointState(name=("a", "b"), position=(0.0, 0.0)))
     frame.view("position")[:] = 0.25, -0.5
     publisher.publish_frame(frame)
-    assert JointState.from_cdr(bytes(cdr.get(timeout=PATIENCE).payload)).position == (0.25, -0.5)
-    assert json.loads(bytes(readable.get(timeout=PATIENCE).payload))["position"] == [0.25, -0.5]
+    assert JointState.from_cdr(bytes(cdr.get(timeout=TIMEOUT).payload)).position == (0.25, -0.5)
+    assert json.loads(bytes(readable.get(timeout=TIMEOUT).payload))["position"] == [0.25, -0.5]
 
 
 @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
@@ -137,9 +137,9 @@ def test_a_late_joiner_gets_what_is_latched(network, client, key, reliability):
         history=HistoryConfig(detect_late_publishers=True),
     )
     decode = String.from_json if key.endswith("@json") else String.from_cdr
-    assert [decode(bytes(samples.get(timeout=PATIENCE).payload)).data for _ in range(2)] == ["two", "three"]
+    assert [decode(bytes(samples.get(timeout=TIMEOUT).payload)).data for _ in range(2)] == ["two", "three"]
     publisher.publish(String(data="four"))
-    assert decode(bytes(samples.get(timeout=PATIENCE).payload)).data == "four"
+    assert decode(bytes(samples.get(timeout=TIMEOUT).payload)).data == "four"
     subscriber.undeclare()
 
 
@@ -177,7 +177,7 @@ FORWARD = Twist(linear=Vector3(x=0.5))
 )
 def test_a_subscription_takes_cdr_and_json(client, subscribed, key, payload, encoding):
     client.publisher(key).put(payload, encoding=encoding)
-    assert subscribed.get(timeout=PATIENCE) == FORWARD
+    assert subscribed.get(timeout=TIMEOUT) == FORWARD
 
 
 def test_bad_samples_are_counted_and_logged_and_the_next_good_one_is_delivered(client, subscribed, caplog):
@@ -189,7 +189,7 @@ def test_bad_samples_are_counted_and_logged_and_the_next_good_one_is_delivered(c
         publisher.put(bytes(10 << 20))
         publisher.delete()
         publisher.put(FORWARD.to_cdr())
-        assert subscribed.get(timeout=PATIENCE) == FORWARD
+        assert subscribed.get(timeout=TIMEOUT) == FORWARD
     assert subscribed.empty()
     (line,) = caplog.messages
     assert line.startswith("topic /cmd_vel: a sample was refused (1 so far): geometry_msgs/msg/Twist")
@@ -204,7 +204,7 @@ def test_samples_over_the_limit_are_not_decoded(client, network):
     largest = String(data="x" * ((1 << 20) - 9))
     assert len(largest.to_cdr()) == 1 << 20
     publisher.put(largest.to_cdr())
-    assert messages.get(timeout=PATIENCE) == largest
+    assert messages.get(timeout=TIMEOUT) == largest
     assert messages.empty()
 
 
@@ -220,7 +220,7 @@ def test_a_deliver_that_fails_is_logged_and_the_next_message_is_delivered(client
     publisher = client.publisher("chatter")
     publisher.put(String(data="bad").to_cdr())
     publisher.put(HELLO_CDR)
-    assert messages.get(timeout=PATIENCE) == HELLO
+    assert messages.get(timeout=TIMEOUT) == HELLO
     assert "topic /chatter: delivering a message failed" in caplog.messages
 
 
@@ -233,7 +233,7 @@ def test_a_latched_subscription_gets_what_was_published_before(client, network, 
     messages = queue.SimpleQueue()
     qos = QoS(depth=1, reliability=reliability, durability="transient_local")
     network.open_subscription(Topic("/map", String, qos), messages.put)
-    assert messages.get(timeout=PATIENCE) == HELLO
+    assert messages.get(timeout=TIMEOUT) == HELLO
     publisher.undeclare()
 
 

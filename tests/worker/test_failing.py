@@ -1,4 +1,4 @@
-"""Works and processes that go wrong: what is said, what is lost, what goes on."""
+"""Failing works and worker processes: log lines, lost tasks, and recovery."""
 
 import logging
 import os
@@ -14,7 +14,7 @@ from mjplug.worker import supervisor as module
 
 
 @pytest.fixture
-def told_errors(caplog):
+def error_messages(caplog):
     """The texts of what was logged at a level or above, by this worker."""
     caplog.set_level(logging.DEBUG)
 
@@ -28,7 +28,7 @@ def told_errors(caplog):
     return texts
 
 
-def test_a_killed_process_is_started_again_and_what_waited_is_made(server, told_errors):
+def test_a_killed_process_is_started_again_and_what_waited_is_made(server, error_messages):
     told = server.order(works.Dies()).wait_for_ready()
     _, first = told.perform("live")
     told.submit(["die"])
@@ -40,7 +40,9 @@ def test_a_killed_process_is_started_again_and_what_waited_is_made(server, told_
     assert second != first
     assert (job.time_ns, job.tasks) == (2_000_000, {"live"})
     assert told.lost == [({"die"}, "the process was killed by SIGKILL")]
-    assert told_errors() == ["the worker process failed: the process was killed by SIGKILL; it is restarted in 0.5 s"]
+    assert error_messages() == [
+        "the worker process failed: the process was killed by SIGKILL; it is restarted in 0.5 s"
+    ]
     assert (told.status.state, told.status.reason, told.status.restarts) == ("running", "", 1)
 
 
@@ -53,13 +55,13 @@ def test_an_idle_process_that_is_killed_comes_back_too(server):
     assert told.lost == []
 
 
-def test_a_work_that_fails_is_reported_and_is_restarted(server, told_errors):
+def test_a_work_that_fails_is_reported_and_is_restarted(server, error_messages):
     told = server.order(works.Raises()).wait_for_ready()
     _, pid = told.perform("good")
     told.submit(["bad", "other"])
     told.wait(lambda: told.lost)
     assert told.lost == [({"bad", "other"}, "it failed: ValueError('a bad task')")]
-    trace, note = told_errors()
+    trace, note = error_messages()
     assert trace.startswith("performing bad, other failed\n    Traceback")
     assert trace.endswith("ValueError: a bad task")
     assert note == "the worker process failed: a job failed: ValueError('a bad task'); it is restarted in 0.5 s"
@@ -138,7 +140,7 @@ def test_nothing_is_written_to_a_file_that_has_the_number_of_a_closed_pipe(serve
     assert readable == []
 
 
-def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, told_errors):
+def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, error_messages):
     monkeypatch.setenv("TAKEN_AWAY", "no")
     told = server.order(
         works.Picky(),
@@ -146,18 +148,18 @@ def test_environments_are_tried_in_order_until_one_will_do(server, monkeypatch, 
     )
     told.wait_for_ready()
     assert told.ready == ["here None"]
-    assert told_errors(logging.DEBUG) == ["not available: WORKS_IN=nowhere: WORKS_IN is nowhere"]
+    assert error_messages(logging.DEBUG) == ["not available: WORKS_IN=nowhere: WORKS_IN is nowhere"]
     assert told.status.restarts == 0
 
 
-def test_a_work_that_no_environment_will_do_for_is_unavailable(server, told_errors):
+def test_a_work_that_no_environment_will_do_for_is_unavailable(server, error_messages):
     told = server.order(works.Picky(), environments=({"WORKS_IN": "nowhere"}, {"MUJOCO_GL": "disable"}))
     told.submit(["a"])
     told.wait(lambda: told.lost)
     why = "WORKS_IN=nowhere: WORKS_IN is nowhere; MUJOCO_GL=disable: WORKS_IN is None"
     assert told.lost == [({"a"}, why)]
     assert (told.status.state, told.status.reason) == ("unavailable", why)
-    assert told_errors(logging.WARNING) == [
+    assert error_messages(logging.WARNING) == [
         f"the work is unavailable on this machine: {why}; the server continues without it"
     ]
     told.submit(["b"])

@@ -14,8 +14,8 @@ from worker import works
 from mjplug.worker import hang_detector as module
 from mjplug.worker.hang_detector import CHECK_INTERVAL, HangDetector, runnable, usage
 
-SOON = 2.0
-"""Stands for the limits, which are longer [s]; a process sends a sign of life every second."""
+SHORT_TIMEOUT = 2.0
+"""Replaces the timeouts of the server, which are longer [s]; a worker process sends a heartbeat every second."""
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def noted(caplog):
 @pytest.mark.slow
 @pytest.mark.parametrize("sync", [False, True])
 def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync):
-    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SOON)
+    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SHORT_TIMEOUT)
     told = server.order(works.Dies(), sync=sync).wait_for_ready()
     _, stopped = told.perform("live")
     os.kill(stopped, signal.SIGSTOP)
@@ -49,7 +49,7 @@ def test_a_process_that_is_stopped_is_replaced(server, monkeypatch, noted, sync)
 
 @pytest.mark.slow
 def test_a_process_that_is_stopped_while_nothing_is_to_do_is_replaced_too(server, monkeypatch):
-    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SOON)
+    monkeypatch.setattr(module, "SILENCE_TIMEOUT", SHORT_TIMEOUT)
     told = server.order(works.Dies()).wait_for_ready()
     os.kill(told.perform("live")[1], signal.SIGSTOP)
     told.wait_for_ready(2)
@@ -105,7 +105,7 @@ def test_closing_ends_a_process_that_is_stopped(server):
 
 
 class Used:
-    """Stands for what the system tells of a process: how long it computed, and how long it waited for a processor."""
+    """Replaces the system's figures of a process: processor time, and time waiting for a processor."""
 
     def __init__(self, monkeypatch):
         self.computed = self.waited = 0.0

@@ -90,7 +90,7 @@ def test_subscribers_can_start_and_stop_at_any_time(server, client):
         samples = client.listen("told")
         client.settle()
         server.step()
-        # On a busy machine, the process may learn of a listener of a stream after a message or two.
+        # On a busy machine, the worker process may miss the first messages before it sees the subscriber.
         until = time.monotonic() + PATIENCE
         while samples.empty() and time.monotonic() < until:
             told.perform(str(n))
@@ -222,7 +222,7 @@ def test_several_works_run_at_the_same_time(server):
     assert children() <= others
     assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("worker ")]
     server.workers.close()
-    # Memory lives as long as somebody could look at it.
+    # Shared memory must exist as long as an array refers to it.
     del first, second, told
     gc.collect()
     assert open_files() == files

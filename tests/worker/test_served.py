@@ -18,12 +18,12 @@ OF_A_TERMINAL = (
     "-c",
     "import os, sys; os.setsid(); os.execv(sys.executable, [sys.executable, '-m', 'mjplug', *sys.argv[1:]])",
 )
-"""Starts a server in a process group of its own, as a shell does."""
+"""Starts a server in its own process group, as a shell does."""
 
 
 @pytest.fixture
 def mark():
-    """Variables by which the processes of one test can be told from all others."""
+    """Environment variables that identify the processes of one test."""
     return {"MARK": str(uuid.uuid4()), "MUJOCO_GL": "disable"}
 
 
@@ -78,7 +78,7 @@ def test_a_plugin_of_the_configurations_folder_has_its_work_done_in_a_process(se
     assert [message["position"] for message in messages] == [*expected, expected[0]]
     assert [message["header"]["stamp"]["nanosec"] for message in messages] == [n * 10_000_000 for n in range(1, 7)]
     assert [message["header"]["frame_id"] for message in messages] == ["0"] * 5 + ["1"]
-    # Where the environment does not say otherwise, the process has what the user gave.
+    # The environment of the worker process overrides the user's variables; the others are kept.
     assert f"teller: worker {workers(mark)[0]}, MUJOCO_GL=disable" in server.err.text
     assert server.stop() == 0
     assert workers(mark) == []

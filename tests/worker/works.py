@@ -87,7 +87,7 @@ class Logs(Tells):
 
 
 class CrashesOnOpening(Tells):
-    """Fails to open in a way that nobody foresaw."""
+    """Fails to open with an unexpected exception."""
 
     def open(self, model, publishers, logger):
         raise RuntimeError("no such thing")
@@ -173,7 +173,7 @@ class ReturnsTheUnreadable(Tells):
 
 
 class Forks(Tells):
-    """Has a process of its own, as those of `multiprocessing` are: with the worker's pipe, and longer-lived."""
+    """Starts a `multiprocessing` child that inherits the worker's pipe and outlives the worker."""
 
     def open(self, model, publishers, logger):
         self.forked = os.fork()

@@ -6,7 +6,7 @@ from mjplug_schemas.std_srvs import Trigger
 
 
 class Refuses(Plugin[Parameters]):
-    """Does not want to start."""
+    """Fails in `init`."""
 
     def init(self, host: Host, parameters: Parameters) -> None:
         raise PluginError("the moon is not full")

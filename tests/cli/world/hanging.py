@@ -127,7 +127,7 @@ class Parting(Plugin[Parameters]):
 
 
 class Sleeping(Work):
-    """Sleeps for as long as nobody kills its process."""
+    """Sleeps until its process is killed."""
 
     def open(self, model, publishers, logger):
         return f"worker {os.getpid()}"

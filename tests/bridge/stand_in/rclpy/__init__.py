@@ -1,4 +1,4 @@
-"""A strict stand-in for rclpy, where there is none: the calls of the bridge and of its tests, and no others.
+"""A strict replacement of rclpy for machines without ROS: only the calls of the bridge and of its tests.
 
 It has rclpy's signatures (Humble to Rolling, as documented) and the traits that a bridge can stumble over: an executor
 that sleeps until something wakes it, callback groups that exclude each other, handles that are gone once destroyed,

@@ -6,7 +6,7 @@ from rclpy._interfaces import NUMBERS
 
 
 class Error(RuntimeError):
-    """What a middleware says to bytes that it cannot read."""
+    """The error of a middleware for bytes that it cannot decode."""
 
 
 def serialize(message):

@@ -185,7 +185,7 @@ def _destroy(entity, kind):
 
 def _kind(value):
     if isinstance(value, list):
-        # An empty list says nothing about its elements, and rclpy takes it for bytes.
+        # The elements of an empty list have no type, and rclpy treats it as a list of bytes.
         return f"{_kind(value[0])} array" if value else "byte array"
     kinds = {bool: "bool", int: "integer", float: "double", str: "string"}
     if type(value) not in kinds:

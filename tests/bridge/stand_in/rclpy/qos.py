@@ -38,7 +38,7 @@ class InvalidQoSProfileException(Exception):
 
 
 class QoSProfile:
-    """History, depth, reliability and durability; the policies that nobody uses are not there."""
+    """History, depth, reliability and durability; unused policies are missing."""
 
     _POLICIES = ("history", "depth", "reliability", "durability")
 
