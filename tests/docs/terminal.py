@@ -125,7 +125,7 @@ class Reader:
             ("-q", "-p", "no:cacheprovider", "-c", os.devnull, f"--rootdir={self.folder}", *arguments),
             cwd=self.folder,
             env=_environment() | {"PYTHONPATH": str(self.folder)},
-            timeout=PATIENCE,
+            timeout=TIMEOUT,
             one_stream=True,
         )
 
