@@ -58,15 +58,15 @@ def test_a_latched_topic_gives_its_last_message_at_once(client):
 
 
 def test_how_much_of_the_past_a_subscription_asks_for_can_be_chosen(client):
-    assert client.subscribe("~/epoch", history=1).next(PATIENCE) is not None
+    assert client.subscribe("~/epoch", history=1).next(TIMEOUT) is not None
     with pytest.raises(TimedOutError):
         client.subscribe("~/epoch", history=0).next(0.3)
 
 
 def test_messages_are_had_as_they_come(client):
-    raw = client.subscribe("~/epoch", bytes).next(PATIENCE)
+    raw = client.subscribe("~/epoch", bytes).next(TIMEOUT)
     assert type(raw) is bytes
-    assert UInt64.from_cdr(raw) == client.subscribe("~/epoch").next(PATIENCE)
+    assert UInt64.from_cdr(raw) == client.subscribe("~/epoch").next(TIMEOUT)
     with pytest.raises(WrongTypeError, match="is no message type"):
         client.publisher("/cmd_vel", bytes)
 
