@@ -95,7 +95,7 @@ def _publishing(transport: Transport) -> tuple[Callable[[], float], Publisher[An
     JointStatePublisher().init(host, JointStatePublisher.parameters_type(rate=1000.0))
 
     def publish() -> float:
-        # Every message on its own, so that what the machine does besides stays out of the median.
+        # Every message is timed separately, so that other activity on the machine does not change the median.
         taken = []
         for k in range(BURSTS * BURST):
             if k % BURST == 0:

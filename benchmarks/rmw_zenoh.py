@@ -31,7 +31,7 @@ from mjplug_schemas.std_msgs import String
 ROS = RosSettings()
 
 MESSAGES, BURST, TURNS = 4000, 25, 7
-"""Messages of each kind in one turn, messages between two pauses, and number of turns."""
+"""Messages of each kind in one repetition, messages between two pauses, and number of repetitions."""
 
 _SUBSCRIBERS = """
 import json, sys, zenoh

@@ -18,7 +18,7 @@ _MAX_VELOCITY = float(mujoco.mjMAXVAL)
 class BaseVelocityParameters(Parameters):
     """Parameters of BaseVelocity."""
 
-    # Checked at the start, when the bodies of the model are known; editors still ask for it.
+    # The plugin checks at the start that `body` is set, so that its error can list the bodies of the model.
     model_config = ConfigDict(json_schema_extra={"required": ["body"]})
 
     body: str = Field(default="", description="Body of the base, required; it needs a free joint.")

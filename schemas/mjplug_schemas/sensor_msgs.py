@@ -54,7 +54,7 @@ class LaserScan(Message):
     ranges: sequence[float32] = Field(
         (), description="The distances; +infinity is nothing in range, -infinity is too close, NaN is an error [m]."
     )
-    intensities: sequence[float32] = Field((), description="How strong each return was; empty if it is not known.")
+    intensities: sequence[float32] = Field((), description="Intensity of each return; empty if unknown.")
 
 
 class Image(Message):
@@ -66,7 +66,7 @@ class Image(Message):
     )
     height: uint32 = Field(0, description="How many rows it has [pixels].")
     width: uint32 = Field(0, description="How many columns it has [pixels].")
-    encoding: string = Field("", description="What a pixel is made of, such as `rgb8`, `mono8`, `16UC1` or `32FC1`.")
+    encoding: string = Field("", description="Pixel format, such as `rgb8`, `mono8`, `16UC1` or `32FC1`.")
     is_bigendian: uint8 = Field(0, description="1 if the bytes of a channel are big endian, 0 if little endian.")
     step: uint32 = Field(0, description="The length of one row [bytes].")
     data: uint8_sequence = Field(b"", description="The pixels, row by row from the top; `step` * `height` bytes.")
@@ -80,14 +80,14 @@ class RegionOfInterest(Message):
     height: uint32 = Field(0, description="How many rows it has [pixels].")
     width: uint32 = Field(0, description="How many columns it has [pixels].")
     do_rectify: boolean = Field(
-        False, description="Whether the rectangle is to be found anew in the rectified image; false for a full image."
+        False, description="Whether the rectangle must be recomputed for the rectified image; false for a full image."
     )
 
 
 class CameraInfo(Message):
     """Intrinsics of a camera; all zeros mean that the camera is not calibrated."""
 
-    header: Header = Field(Header(), description="Time and frame of the image that this goes with.")
+    header: Header = Field(Header(), description="Time and frame of the corresponding image.")
     height: uint32 = Field(0, description="How many rows the image has at calibration [pixels].")
     width: uint32 = Field(0, description="How many columns the image has at calibration [pixels].")
     distortion_model: string = Field("", description="The model that `d` belongs to, such as `plumb_bob`.")
@@ -145,9 +145,9 @@ class Imu(Message):
     """Measurement of an IMU; if the first element of a covariance is -1, that quantity is not measured."""
 
     header: Header = Field(Header(), description="The time of the measurement and the sensor's frame.")
-    orientation: Quaternion = Field(Quaternion(), description="How the sensor is turned in the world.")
+    orientation: Quaternion = Field(Quaternion(), description="Orientation of the sensor in the world.")
     orientation_covariance: Annotated[sequence[float64], Exactly(9)] = Field(
-        (0.0,) * 9, description="The 3x3 covariance, row by row, of turns about x, y, z; zeros if unknown [rad²]."
+        (0.0,) * 9, description="The 3x3 covariance, row by row, of rotations about x, y, z; zeros if unknown [rad²]."
     )
     angular_velocity: Vector3 = Field(Vector3(), description="Angular velocity in the sensor's frame [rad/s].")
     angular_velocity_covariance: Annotated[sequence[float64], Exactly(9)] = Field(

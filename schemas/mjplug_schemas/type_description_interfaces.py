@@ -118,14 +118,14 @@ class Field(Message):
 
 
 class IndividualTypeDescription(Message):
-    """One type, without the types that it is made of."""
+    """One type, without the types of its fields."""
 
     type_name: Annotated[string, AtMost(255)] = pydantic.Field("", description="Its name.")
     fields: sequence[Field] = pydantic.Field((), description="Its fields, in their order.")
 
 
 class TypeDescription(Message):
-    """One type with all types that it is made of."""
+    """One type with all types that its fields refer to."""
 
     type_description: IndividualTypeDescription = pydantic.Field(
         IndividualTypeDescription(), description="The type itself."

@@ -15,7 +15,7 @@ from mjplug_schemas.std_msgs import ColorRGBA, Header
 class MeshFile(Message):
     """A mesh that is part of a marker."""
 
-    filename: string = Field("", description="A name for the mesh; its ending tells the format.")
+    filename: string = Field("", description="A name for the mesh; its extension determines the format.")
     data: uint8_sequence = Field(b"", description="The contents of the file.")
 
 

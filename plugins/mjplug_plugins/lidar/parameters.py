@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 from mjplug.plugin import NestedParameters, OneOrMore, Parameters, Priority
 
 _HALF_TURN = 3.1416
-"""Half a turn, rounded up because angles in files are rounded [rad]."""
+"""π, rounded up because angles in files are rounded [rad]."""
 
 Angle = Annotated[float, Field(ge=-_HALF_TURN, le=_HALF_TURN)]
 
