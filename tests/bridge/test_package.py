@@ -37,7 +37,7 @@ def test_a_running_bridge_has_loaded_nothing_else(bridge, sim):
     assert not loaded & {"numpy", "pydantic", "yaml", "mjplug", "mjplug_schemas", "mujoco"}
 
 
-def test_without_zenoh_it_says_how_to_get_it(ros_environment):
+def test_without_zenoh_the_error_contains_the_install_command(ros_environment):
     code = "import sys; sys.modules['zenoh'] = None; from mjplug_bridge_ros2.main import main; sys.exit(main())"
     done = subprocess.run([PYTHON, "-c", code], env=ros_environment, capture_output=True, text=True, check=False)
     assert done.returncode == 1

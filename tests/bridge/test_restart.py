@@ -84,7 +84,7 @@ def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ro
     assert answers == []
 
 
-def test_when_a_server_goes_another_one_gets_the_names_that_it_had(ros, bridge, sim):
+def test_when_a_server_stops_another_one_gets_its_names(ros, bridge, sim):
     sim.responses["/go"] = Trigger.Response(success=True, message="of the first")
     sim.open_service("/go")
     own = bridge(sim.endpoint)

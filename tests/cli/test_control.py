@@ -127,7 +127,7 @@ def test_a_free_body_is_placed_and_moves_on_from_there(world):
     assert world.state()["qpos"][14] == pytest.approx(2.0, rel=1e-9)
 
 
-def test_bodies_are_placed_all_or_none(world):
+def test_all_bodies_are_placed_or_none(world):
     before = world.state()
     response = world.client.ask(
         "mjplug/set_free_joint_state",

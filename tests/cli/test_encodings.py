@@ -47,13 +47,13 @@ def test_a_push_of_a_ros_2_node_is_answered_as_rmw_zenoh_answers(world):
 @pytest.mark.parametrize(
     "stated", [None, CDR, CDR.with_schema("mujoco_ros2_control_msgs/srv/SetPause_Request")], ids=str
 )
-def test_cdr_is_recognised_however_much_the_client_says_about_it(world, stated):
+def test_cdr_is_recognised_with_and_without_an_encoding(world, stated):
     answer = world.client.send("mjplug/set_pause", SetPause.Request(paused=True).to_cdr(), stated).answer()
     assert SetPause.Response.from_cdr(answer.payload).message == "the simulation is already paused"
 
 
 @pytest.mark.parametrize("stated", [None, JSON, zenoh.Encoding.TEXT_PLAIN, zenoh.Encoding.ZENOH_STRING], ids=str)
-def test_json_is_recognised_however_much_the_client_says_about_it(world, stated):
+def test_json_is_recognised_with_and_without_an_encoding(world, stated):
     answer = world.client.send("mjplug/set_pause", '{"paused": true}', stated).answer()
     assert (answer.encoding, answer.json["message"]) == ("application/json", "the simulation is already paused")
 
@@ -117,7 +117,7 @@ def test_asking_everybody_everything_calls_no_service(world):
     assert (after["step"], after["epoch"], after["qpos"]) == (before["step"], before["epoch"], before["qpos"])
 
 
-def test_the_number_of_resets_is_there_for_those_who_come_late(world):
+def test_late_subscribers_get_the_number_of_resets(world):
     latest = []
     config = zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
     subscriber = zenoh.ext.declare_advanced_subscriber(

@@ -34,7 +34,7 @@ def test_a_plugin_that_renders_in_the_server_s_process_gets_the_backend_that_was
     assert (done.returncode, done.stdout) == (0, "(24, 32, 3) mujoco.egl\n"), done.stderr
 
 
-def test_where_rendering_is_disabled_it_stays_so(cli):
+def test_disabled_rendering_stays_disabled(cli):
     done = cli("-c", RENDER.format(backend="disable"), command=[sys.executable], env={"MUJOCO_GL": "disable"})
     assert done.returncode == 1
     assert "AttributeError: module 'mujoco' has no attribute 'GLContext'" in done.stderr

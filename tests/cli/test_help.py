@@ -98,7 +98,7 @@ class Lamp(Plugin[Parameters]):
 '''
 
 
-def test_plugins_of_other_packages_are_listed_and_those_that_cannot_be_imported_hide_nobody(cli, tmp_path):
+def test_plugins_of_other_packages_are_listed_and_those_that_cannot_be_imported_do_not_hide_others(cli, tmp_path):
     install(tmp_path, "lamps", PLUGIN, "lamp = lamps:Lamp")
     install(tmp_path, "bare", PLUGIN.replace('"""Shines."""', ""), "undocumented = bare:Lamp")
     install(tmp_path, "missing", "import nothing_of_this_name", "missing = missing:Lamp")

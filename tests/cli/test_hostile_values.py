@@ -21,7 +21,7 @@ FLOATS = [
 ]
 
 
-def test_a_number_that_is_none_refuses_the_whole_request_wherever_it_stands(target):
+def test_nan_or_infinity_anywhere_refuses_the_whole_request(target):
     types = {entry["key"]: find(entry["type"]) for entry in target.client.ask("mjplug/interfaces")["services"]}
     assert len(FLOATS) == 9 + 13 + 2 + 13
     for key, path in FLOATS:

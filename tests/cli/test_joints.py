@@ -133,7 +133,7 @@ def test_a_command_whose_arrays_do_not_fit_is_reported_in_the_diagnostics(served
     assert "a message on /robot_joint_commands was refused" in server.err.wait_for("refused.*").string
 
 
-def test_a_robot_starts_where_the_configuration_says_and_a_reset_brings_it_back_there(serve, connect, tmp_path):
+def test_a_robot_starts_at_the_configured_state_and_a_reset_restores_it(serve, connect, tmp_path):
     (tmp_path / "start.xml").write_text(f'<key qpos="0.3 -0.2 0 0 {"0.5 0.5 -2 1 0 0 0 " * 2}" ctrl="0.3 -0.2 0"/>')
     (tmp_path / "robot.yaml").write_text(
         CONFIG.format(robot="arm", keyframe='""', speed="max", paused="true", rate=500.0).replace(

@@ -101,7 +101,7 @@ def test_a_duration_without_end_is_a_usage_error(cli):
     assert "Traceback" not in done.stderr
 
 
-def test_check_says_what_would_run_and_touches_no_network_and_quiet_says_nothing_more(cli, tmp_path):
+def test_check_lists_what_would_run_without_a_network_and_quiet_prints_less(cli, tmp_path):
     (tmp_path / "config.yaml").write_text(
         "model: bundled:quadruped\n"
         "zenoh: {listen: [tcp/192.0.2.1:1]}\n"
@@ -154,7 +154,7 @@ def test_a_keyframe_may_have_any_name_and_an_endpoint_any_address(cli, tmp_path)
     # A busy machine makes it longer, but never shorter; at the speed of real time, it would be 0.25 s and 2 s.
     [("0.5", 0.25, 0.45, 10.0), ("2", 2.0, 0.9, 1.9)],
 )
-def test_simulated_time_goes_by_at_the_speed_that_was_set(serve, connect, speed, simulated, least, most):
+def test_simulated_time_advances_at_the_configured_speed(serve, connect, speed, simulated, least, most):
     clock = connect(serve("bundled:box", "--speed", speed)).listen("clock/@json")
 
     def seconds(tick):

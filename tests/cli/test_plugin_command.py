@@ -117,7 +117,7 @@ def test_what_is_shown_loads_when_the_dots_are_filled_in(capsys, tmp_path, name)
     assert selected.plugin_class is registry.find(name)
 
 
-def test_the_list_keeps_its_column_whatever_the_names(capsys):
+def test_the_columns_of_the_list_are_aligned_for_all_names(capsys):
     command.list_plugins()
     lines = capsys.readouterr().out.splitlines()
     column = max(map(len, TYPES)) + 2

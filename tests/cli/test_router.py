@@ -72,7 +72,7 @@ def test_a_router_where_zenoh_listens_already_is_refused(route, cli):
     assert f"error: a Zenoh router or server already listens on {first.endpoint}" in done.stderr
 
 
-def test_a_server_outlives_its_router_and_says_when_it_is_back(route, serve):
+def test_a_server_survives_its_router_and_reports_when_it_is_back(route, serve):
     router = route("tcp/127.0.0.1:0")
     server = serve("bundled:box", listen=["--connect", router.endpoint])
     assert server.endpoint == router.endpoint

@@ -50,7 +50,7 @@ def test_a_wrench_is_waited_for(tour):
     assert "applied 1 wrench, the longest for 1 s" in tour.ask("service", "call", "/external_wrench/apply_wrench", PUSH)
 
 
-def test_a_service_that_says_no_ends_with_7_and_still_shows_its_response(tour):
+def test_an_unsuccessful_response_ends_with_7_and_is_shown(tour):
     done = tour.type("service", "call", "~/step_simulation", "{steps: 3}")
     assert done.code == 7
     assert yaml.safe_load(done.out) == {

@@ -35,7 +35,7 @@ def test_values_follow_ros_and_quotes_make_text():
     assert document.problems == []
 
 
-def test_nothing_tilde_and_null_are_none_unless_quoted():
+def test_empty_tilde_and_null_are_none_unless_quoted():
     assert parse("a:\nb: ~\nc: null\nd: 'null'\ne: ''").value == {"a": None, "b": None, "c": None, "d": "null", "e": ""}
 
 

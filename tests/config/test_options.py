@@ -64,7 +64,7 @@ def test_option_values_follow_the_rules_of_the_file(config):
     assert settings.remap == {"/a": "/b"}
 
 
-def test_a_variable_finds_an_instance_whatever_its_case(config):
+def test_a_variable_matches_an_instance_in_any_case(config):
     loaded = config("model: a\nplugins: {HeartBeat: {type: x}}", MJPLUG_PLUGINS__HEARTBEAT__RATE="2")
     assert loaded.settings.plugins["HeartBeat"].parameters == {"rate": 2}
 
@@ -107,7 +107,7 @@ def test_wrong_options_say_which_they_are(config):
     ]
 
 
-def test_an_option_for_a_section_hides_what_the_file_said_in_it(config):
+def test_an_option_for_a_section_replaces_the_section_of_the_file(config):
     assert config("model: a\nsim: {nonsense: 1}", "sim={}").settings.sim.speed == 1.0
 
 

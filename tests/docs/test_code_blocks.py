@@ -83,7 +83,7 @@ def test_every_output_follows_what_printed_it():
 
 
 @of("python")
-def test_python_runs_and_prints_what_the_page_says(story, reader_of):
+def test_python_blocks_run_and_print_the_documented_output(story, reader_of):
     reader, text = reader_of(story.page), story.block.text
     endpoint = None
     if ENDPOINT in text or "mjplug.client" in text:
@@ -116,7 +116,7 @@ def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reade
 
 
 @of("json")
-def test_json_is_what_it_says_it_is(story):
+def test_json_blocks_are_valid(story):
     kind, text = story.block.info.partition(" ")[0], story.block.text
     json.loads(text)
     if kind == "zenoh":
@@ -154,7 +154,7 @@ def test_toml_registers_a_plugin_that_is_on_the_page(story, reader_of, monkeypat
 
 
 @of("console")
-def test_commands_run_and_print_what_the_page_says(story, reader_of):
+def test_commands_run_and_print_the_documented_output(story, reader_of):
     reader = reader_of(story.page)
     printed, code = "", 0
     lines = commands(story.block.text)

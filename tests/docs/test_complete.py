@@ -238,7 +238,7 @@ def test_every_ending_of_a_model_file_is_named():
     assert all(f"`{suffix}`" in text for suffix in SUFFIXES)
 
 
-def test_scalars_mean_what_the_table_says():
+def test_scalars_have_the_meanings_in_the_table():
     expected = {"true": True, "false": False, "infinity": float("inf"), "nothing": None}
     checked = 0
     for line in section(CONFIGURATION, "Scalars").splitlines():

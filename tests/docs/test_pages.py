@@ -20,7 +20,7 @@ def test_every_example_is_in_the_readme_and_in_the_docs(example):
     assert any(f"(../examples/{example})" in prose(page) for page in PAGES if page != "README.md")
 
 
-def test_every_quoted_message_is_one_that_the_server_or_the_client_says():
+def test_every_quoted_message_exists_in_the_code():
     quoted = rows(prose("troubleshooting.md"))
     assert len(quoted) > 30
     assert [text for text in quoted if text not in SOURCES] == []

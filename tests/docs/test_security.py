@@ -38,7 +38,7 @@ def shell_blocks():
 
 
 @pytest.mark.timeout(240)
-def test_the_commands_about_keys_do_what_the_page_says(reader):
+def test_the_commands_about_keys_match_the_page(reader):
     lines = [line for text in shell_blocks() for line in text.splitlines() if line.startswith("mjplug keys")]
     init, *later = (Command.parse(f"$ {line}") for line in lines)
     assert init.words[:3] == ["mjplug", "keys", "init"]

@@ -71,7 +71,7 @@ def test_an_example_has_a_configuration_a_script_and_says_how_to_run_it(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_example_runs_to_its_end_and_prints_what_its_readme_says(ran, name):
+def test_an_example_runs_to_its_end_and_prints_the_output_in_its_readme(ran, name):
     done = ran(name)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
@@ -157,7 +157,7 @@ def test_the_base_drives_the_circle_that_its_command_means(ran):
     assert turned == pytest.approx(np.degrees(1.6 * 1.5), abs=10)
 
 
-def test_the_pictures_are_taken_and_measure_what_is_there(ran):
+def test_the_pictures_show_and_measure_the_scene(ran):
     printed = ran("03_camera").stdout
     model = mujoco.MjModel.from_xml_path(str(EXAMPLES / "03_camera" / "scene.xml"))
     data = mujoco.MjData(model)

@@ -54,7 +54,7 @@ def test_commands_on_a_full_disk_report_it_and_leave_nothing_behind():
 
 @proc
 @pytest.mark.timeout(170)
-def test_what_a_busy_server_holds_stays_flat():
+def test_the_memory_of_a_busy_server_does_not_grow():
     assert soak.main(["--seconds", "4", "--no-camera", "--no-kills"]) == 0
 
 

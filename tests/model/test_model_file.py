@@ -58,7 +58,7 @@ def test_a_compiled_model_loads(here):
     assert load_model("ball.mjb").name == "ball"
 
 
-def test_a_compiled_model_of_another_version_says_which(here):
+def test_the_error_for_a_compiled_model_of_another_version_names_the_version(here):
     mujoco.mj_saveModel(load_model("ball.xml").model, "ball.mjb")
     data = bytearray((here / "ball.mjb").read_bytes())
     struct.pack_into("=i", data, 12, 2_003_001)
@@ -94,7 +94,7 @@ def test_a_model_packed_by_mujoco_loads_with_its_mesh(here):
     assert load_model("u.mjz").model.nmesh == 1
 
 
-def test_a_missing_file_says_where_it_was_looked_for(here):
+def test_the_error_for_a_missing_file_names_the_searched_paths(here):
     (here / "sub").mkdir()
     assert refusal("bal.xml", here / "sub") == (
         f"there is no model 'bal.xml' in {here}/sub or {here}, did you mean 'ball.xml'?"

@@ -59,7 +59,7 @@ def test_a_name_in_an_included_or_a_compiled_file_is_refused_with_the_file_that_
     ],
     ids=["reference", "attribute", "file", "twice"],
 )
-def test_what_mujoco_says_of_text_that_is_not_utf_8_is_readable(tmp_path, text, sentence):
+def test_mujoco_s_errors_about_text_that_is_not_utf_8_are_readable(tmp_path, text, sentence):
     file = tmp_path / "latin1.xml"
     file.write_bytes(b"<mujoco>" + text + b"</mujoco>")
     said = refusal(file)

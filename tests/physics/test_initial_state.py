@@ -62,7 +62,7 @@ def test_positions_by_joint_are_laid_over_a_keyframe_whose_other_controls_stay(s
     assert comes_back(simulation)
 
 
-def test_a_keyframe_alone_is_as_mujoco_has_it(start, arm_model):
+def test_a_keyframe_alone_is_mujoco_s_keyframe(start, arm_model):
     simulation = start(keyframe="bent")
     data = mujoco.MjData(arm_model)
     mujoco.mj_resetDataKeyframe(arm_model, data, 0)
@@ -150,7 +150,7 @@ HELD = """
 
 
 @pytest.mark.parametrize("initial", [{}, {"a": -0.4, "b": 0.8, "c": 0.2}])
-def test_whatever_holds_a_position_holds_the_initial_one(initial, tmp_path):
+def test_every_position_actuator_holds_the_initial_position(initial, tmp_path):
     """With gears, tendons, activations and controls in other units; the robot does not move at all."""
     (tmp_path / "robot.yaml").write_text(f"model: x.xml\nsim: {{initial_positions: {initial}}}\n".replace("'", ""))
     simulation = Simulation(mujoco.MjModel.from_xml_string(HELD))
@@ -162,7 +162,7 @@ def test_whatever_holds_a_position_holds_the_initial_one(initial, tmp_path):
     assert simulation.data.ctrl[1] == simulation.data.ctrl[3] == 0.0
 
 
-def test_a_servo_that_cannot_reach_its_pose_is_told_the_nearest_with_its_activation_alike(tmp_path):
+def test_a_servo_that_cannot_reach_its_pose_gets_the_nearest_control_and_activation(tmp_path):
     model = mujoco.MjModel.from_xml_string("""
     <mujoco><worldbody><body><joint name="a" type="slide"/><geom size=".1"/></body></worldbody>
       <actuator><position joint="a" kp="5" timeconst=".5" ctrlrange="-.2 .2"/></actuator></mujoco>""")

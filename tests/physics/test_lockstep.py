@@ -75,7 +75,7 @@ def test_requests_are_answered_meanwhile(world):
     assert np.array_equal(world.data.qpos, state)
 
 
-def test_who_asked_for_steps_is_answered_when_the_images_of_the_last_one_are_there(world):
+def test_step_simulation_is_answered_after_the_images_of_its_last_step(world):
     camera = Camera(world)
     call = step(world, 5)
     turns(world, 20)
@@ -129,7 +129,7 @@ def test_stepping_by_hand_waits_for_images_between_steps(world):
     assert (world.simulation.step, camera.asked) == (12, [5, 10])
 
 
-def test_what_an_update_asked_for_holds_the_step_after_the_next(world):
+def test_an_image_requested_in_an_update_blocks_the_step_after_the_next(world):
     loop, updates = world.loop, []
 
     class Active:

@@ -114,7 +114,7 @@ def test_a_finite_velocity_override_is_written_right_before_the_step_and_nan_lea
     assert box_world.data.qvel[0] == pytest.approx(0.1, abs=1e-12)
 
 
-def test_forces_are_cleared_before_the_updates_and_when_nobody_is_active_any_more(box_world):
+def test_forces_are_cleared_before_the_updates_and_when_no_plugin_is_active(box_world):
     class Pusher:
         def update(self):
             assert not box_world.data.xfrc_applied.any()

@@ -38,7 +38,7 @@ def test_of_a_thousand_divergences_a_second_the_log_gets_one_line_and_their_numb
     assert recovery.count == 3000
 
 
-def test_held_lines_are_reported_when_their_second_is_over_or_there_is_no_later(simulation, caplog):
+def test_held_lines_are_reported_after_a_second_or_at_the_end(simulation, caplog):
     recovery = Recovery("pause")
     recovery.report_suppressed(0.5)
     recovery.decide(BAD, simulation, 1.0)

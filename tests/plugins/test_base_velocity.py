@@ -223,7 +223,7 @@ def test_the_components_that_are_not_driven_do_not_matter():
     assert world.plugin.ignored == 0
 
 
-def test_stamped_commands_count_from_their_reception_whatever_their_stamp_says():
+def test_the_timeout_of_stamped_commands_starts_at_their_reception():
     world = world_of(use_stamped_twist=True, cmd_timeout=0.1)
     assert world.transport.types["/drive/cmd_vel"] is TwistStamped
     world.transport.send("/drive/cmd_vel", TwistStamped(twist=twist(1.0)))

@@ -144,7 +144,7 @@ def test_odometry_may_start_at_zero_and_does_so_after_each_reset():
     assert xyz(last(world).pose.pose.position) == pytest.approx((0.0,) * 3)
 
 
-def test_the_transform_says_the_same_as_the_message():
+def test_the_transform_equals_the_pose_in_the_message():
     names = {"frame_id": "map", "child_frame_id": "base_link", "topic": "/simulator/floating_base_state"}
     world = world_of(publish_tf=True, **names)
     world.data.qvel[:] = (1.0, 2.0, 3.0, 1.0, 2.0, 3.0)

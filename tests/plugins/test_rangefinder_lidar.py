@@ -116,7 +116,7 @@ def test_mujoco_s_own_values_would_be_one_step_old():
     assert np.abs(world.data.sensordata - sensors_now(world, names)).min() > 1e-4
 
 
-def test_the_message_says_what_was_configured():
+def test_the_message_contains_the_configured_values():
     parameters = lidar(5, -1.0, 0.5, range_min=0.1, range_max=30, frame_name="laser_frame", laserscan_topic="scans")
     world = world_of(room(rays(5, -1.0)), lidar=parameters, lidar_publish_rate=4)
     world.loop.step(125)
@@ -148,7 +148,7 @@ def test_nothing_in_range_is_infinite_and_too_close_is_minus_infinite():
     assert scan.ranges == pytest.approx((3.0, math.inf, -math.inf, math.inf))
 
 
-def test_what_lies_beyond_a_sensor_s_cutoff_is_not_seen():
+def test_returns_beyond_a_sensor_s_cutoff_are_infinite():
     world = world_of(room(rays(4, 0, math.pi / 2, attributes='cutoff="3.2"'), body='pos="1 -.5 1"'), lidar=lidar(4))
     world.loop.step(100)
     (scan,) = scans(world)
@@ -168,7 +168,7 @@ def test_what_lies_beyond_a_sensor_s_cutoff_is_not_seen():
         (0.4, 0.4, 0.1, 1),
     ],
 )
-def test_the_last_ray_is_counted_whatever_floats_make_of_the_division(low, high, increment, count):
+def test_the_last_ray_is_counted_in_spite_of_rounding(low, high, increment, count):
     parameters = LidarParameters(frame_name="laser", min_angle=low, max_angle=high, angle_increment=increment)
     assert parameters.rays == count
 

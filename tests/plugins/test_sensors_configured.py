@@ -159,7 +159,7 @@ def test_without_asking_there_is_no_noise():
     assert np.array_equal(positions, [(0.0, 0.0, 0.5)] * 600)
 
 
-def test_noise_has_the_standard_deviation_that_the_model_says_and_is_in_the_covariance():
+def test_noise_has_the_standard_deviation_of_the_model_and_is_in_the_covariance():
     world = world_of(noise=True)
     others = ("field/magnetic_field", "eye/range")
     positions = series(world, "torso/pose", lambda message: xyz(message.pose.position), *others)

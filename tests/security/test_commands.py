@@ -87,7 +87,7 @@ def test_failures_are_reported_in_one_sentence(tmp_path, words, code, sentence):
     assert (ended.returncode, sentence in ended.stderr) == (code, True), ended.stderr
 
 
-def test_without_the_library_the_line_to_install_it_is_reported(tmp_path):
+def test_without_the_library_the_error_contains_the_install_command(tmp_path):
     ended = run("keys", "init", cwd=tmp_path, command=WITHOUT_CRYPTOGRAPHY)
     assert ended.returncode == 1
     assert ended.stderr == (

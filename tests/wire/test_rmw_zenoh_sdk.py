@@ -236,7 +236,7 @@ def test_the_node_of_a_server_has_its_configuration_as_parameters(client_of, tmp
     ("options", "domains"),
     [(("--set", "ros2.enabled=false"), set()), ((), {"42"}), (("--set", "ros2.domain_id=7"), {"7"})],
 )
-def test_the_configuration_says_who_sees_the_server(client_of, tmp_path, options, domains):
+def test_the_configuration_selects_who_sees_the_server(client_of, tmp_path, options, domains):
     served = Served("bundled:box", *options, cwd=tmp_path, env={"ROS_DOMAIN_ID": "42"})
     try:
         tokens = client_of(served.endpoint).session.liveliness().get("@ros2_lv/**", timeout=TIMEOUT)

@@ -131,7 +131,7 @@ def test_a_request_that_cannot_be_read_gets_an_error_response(network, client, p
     assert Attachment.from_bytes(bytes(reply.ok.attachment)).sequence_number == 9
 
 
-def test_a_refusal_is_a_response_even_where_the_type_has_no_words_for_it(network, client):
+def test_a_refusal_is_a_response_even_if_the_type_has_no_field_for_it(network, client):
     network.open_service(ServiceName("/trigger", Trigger), lambda call: call.refuse("not now"))
     network.open_service(ServiceName("/empty", Empty), lambda call: call.refuse("not now"))
     client.settle()
@@ -142,7 +142,7 @@ def test_a_refusal_is_a_response_even_where_the_type_has_no_words_for_it(network
     assert bytes(reply.ok.payload) == b"\0\1\0\0\0"
 
 
-def test_a_flood_of_refusals_without_words_does_not_fill_the_log(network, client, caplog):
+def test_a_flood_of_refusals_without_a_message_field_does_not_fill_the_log(network, client, caplog):
     network.open_service(ServiceName("/empty", Empty), lambda call: call.refuse("not now"))
     client.settle()
     for number in range(25):

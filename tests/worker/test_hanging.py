@@ -133,7 +133,7 @@ def test_a_process_that_sends_nothing_hangs(used):
     assert looks(HangDetector(1, 60.0), 100, None) == (10, "the process sent no message for 10 s")
 
 
-def test_a_process_that_sends_signs_of_life_does_not(used):
+def test_a_process_that_sends_watchdog_messages_does_not(used):
     watch = HangDetector(1, 60.0)
     assert looks(watch, 100, None, each=watch.message_received) is None
 
@@ -182,7 +182,7 @@ def test_opening_may_take_longer_than_a_job(used):
     )
 
 
-def test_time_in_which_nobody_looked_does_not_count(used):
+def test_time_without_checks_does_not_count(used):
     watch = HangDetector(1, 60.0)
     # As after a night in which the machine slept.
     for now in (0.0, 30_000.0, 60_000.0):

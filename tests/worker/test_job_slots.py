@@ -78,7 +78,7 @@ def test_waiting_tasks_are_merged_and_only_those_in_both_are_dropped(world):
     assert world.process.asked[1:] == [(3, {"a", "b", "c"}, 3.0)]
 
 
-def test_a_process_that_cannot_be_told_loses_nothing(world):
+def test_a_process_that_cannot_be_notified_loses_nothing(world):
     world.handover.connect(world.process)
     world.process.gone = True
     world.put(1, "a")
