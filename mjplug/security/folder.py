@@ -186,7 +186,7 @@ class KeyFolder:
             raise KeysError(f"{name} is the name of another file; choose another name for the server")
         _check_hosts(hosts)
         if role == "server" and known is not None and known.role != "server":
-            raise KeysError(f"{name} was the name of a {known.role}; choose another name for the server")
+            raise KeysError(f"{name} had the role {known.role}; choose another name for the server")
         return self._issue(Identity(name, role, "", hosts=tuple(hosts)), days)
 
     def renew(self, name: str, days: float = DAYS) -> Path:

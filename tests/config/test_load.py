@@ -123,8 +123,8 @@ ros_params: [no.yaml]
         ("plugins: {a: heartbeat}", "c.yaml:2:14: error: plugins.a: Input should be a mapping, not 'heartbeat'"),
         ("on_plugin_error: [stop]", "c.yaml:2:18: error: on_plugin_error: Input should be 'stop' or 'disable', "
          "not a list"),
-        ("ros_params: [c.yaml]", "c.yaml:2:14: error: ros_params[0]: 'c.yaml' is no ROS parameter file, "
-         "it has no ros__parameters"),
+        ("ros_params: [c.yaml]", "c.yaml:2:14: error: ros_params[0]: 'c.yaml' is not a ROS parameter file, "
+         "because it has no ros__parameters"),
     ],
 )  # fmt: skip
 def test_the_sentence_of_one_mistake(config, line, message):

@@ -194,7 +194,7 @@ def test_a_sensor_without_a_name_keeps_its_place_and_is_reported(here, caplog):
     assert sensor_names(model) == [None, "after"]
     assert lidar_sensors(model) == {}
     (record,) = caplog.records
-    assert record.getMessage() == f"{here}/scene.xml:8: lidar sensor without a name is not published"
+    assert record.getMessage() == f"{here}/scene.xml:8: lidar sensor without a name is not published; give it a name"
 
 
 def test_mujoco_s_line_numbers_stay_right(here):
@@ -235,7 +235,7 @@ WRONG = [
         {"elevation_range": ""},
         "elevation_range is ''; it must be one angle, or two with the lower one first, from -pi to",
     ),
-    ({"resolution": "9 2"}, "elevation_range is 0, but 2 rows need two angles, the lower one first"),
+    ({"resolution": "9 2"}, "elevation_range is 0; 2 rows need two angles, the lower one first"),
     ({"max_range": "0"}, "max_range is '0'; it must be a number above 0 [m]"),
     ({"max_range": "inf"}, "max_range is 'inf'; it must be a number above 0 [m]"),
     ({"min_range": "-1"}, "min_range is '-1'; it must be a number not below 0 [m]"),
@@ -253,9 +253,7 @@ def test_a_wrong_attribute_is_a_sentence_with_its_place(here, change, sentence):
 
 
 def test_a_sensor_that_is_not_at_a_site_is_refused(here):
-    sentence = (
-        ":8: lidar sensor 'scan': it must be at a site, with objtype=\"site\" and the name of the site as objname"
-    )
+    sentence = ':8: lidar sensor \'scan\': a lidar needs a site; write objtype="site" objname="SITE"'
     assert refusal(here, scene(inline(config(), at='objtype="body" objname="carrier"'))) == sentence
     assert refusal(here, scene(inline(config(), at=""))) == sentence
 

@@ -64,7 +64,7 @@ def test_the_error_for_a_compiled_model_of_another_version_names_the_version(her
     struct.pack_into("=i", data, 12, 2_003_001)
     (here / "ball.mjb").write_bytes(data)
     assert refusal("ball.mjb") == (
-        f"{here}/ball.mjb was compiled by MuJoCo 2.3.1, this is {mujoco.__version__}; "
+        f"{here}/ball.mjb was compiled by MuJoCo 2.3.1, but MuJoCo {mujoco.__version__} is installed; "
         "use the model's XML, or compile it again"
     )
 
@@ -119,7 +119,7 @@ def test_what_is_no_model_file_is_refused_in_one_sentence(here):
     (here / "arm.urdf.xacro").write_text("<robot/>")
     assert refusal("empty.xml") == f"{here}/empty.xml is empty"
     assert refusal("folder") == f"{here}/folder is a directory, not a model"
-    assert refusal(".") == f"{here} is a directory, not a model; it has ball.xml, empty.xml"
+    assert refusal(".") == f"{here} is a directory, not a model; it contains ball.xml, empty.xml"
     assert refusal("arm.urdf.xacro") == (
         f"{here}/arm.urdf.xacro is a xacro template; convert it to a URDF first: xacro arm.urdf.xacro -o arm.urdf"
     )
@@ -148,8 +148,7 @@ def test_a_model_in_a_ros_package(here):
     assert load_model("package://scenes/models/m.xml", environ=environ).name == "scenes"
     assert load_model("package://other/models/m.xml", environ=environ).name == "other"
     assert refusal("package://scenes/models/n.xml", environ=environ) == (
-        f"'package://scenes/models/n.xml': package 'scenes' is in {here}/ws/share/scenes, "
-        "but has no file 'models/n.xml'"
+        f"'package://scenes/models/n.xml': package 'scenes' in {here}/ws/share/scenes contains no file 'models/n.xml'"
     )
     assert refusal("package://nobody/m.xml", environ=environ) == (
         "'package://nobody/m.xml': there is no package 'nobody' in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH"

@@ -76,9 +76,13 @@ def test_show_lists_the_certificates(tmp_path):
             1,
             "error: keys contains no authority (keys.json is missing); make one with: mjplug keys init --out keys",
         ),
-        (("init", "--host", "tcp/1.2.3.4:7447"), 1, "error: 'tcp/1.2.3.4:7447' is no host name and no IP address"),
+        (
+            ("init", "--host", "tcp/1.2.3.4:7447"),
+            1,
+            "error: 'tcp/1.2.3.4:7447' is neither a host name nor an IP address",
+        ),
         (("init", "--days", "1e9"), 2, "Invalid value for '--days'"),
-        (("init", "--out", "/proc/keys"), 1, "error: cannot make /proc/keys: "),
+        (("init", "--out", "/proc/keys"), 1, "error: cannot create /proc/keys: "),
         (("add", "x", "--role", "king"), 2, "'king' is unknown; roles are operator, viewer, worker, server"),
     ],
 )

@@ -114,7 +114,7 @@ def test_a_server_with_roles_does_not_join_another_one(serve, keys):
 @pytest.mark.parametrize(
     ("told", "sentence"),
     [
-        ('{metadata: {mjplug: {roles: {alice: "king"}}}}', "'alice' has the unknown role 'king'; roles are operator"),
+        ('{metadata: {mjplug: {roles: {alice: "king"}}}}', "'alice' has the unknown role 'king'; known: operator"),
         ('{metadata: {mjplug: {roles: {}}}}', "roles must be a mapping of names to roles"),
         ('{metadata: {mjplug: {roles: {alice: "viewer"}}}}', "has roles, but clients are not authenticated"),
         ('{metadata: {mjplug: {roles: "none.json"}}}', r"the roles in \S*none.json .* cannot be read"),
@@ -136,7 +136,7 @@ def test_a_client_whose_certificate_is_not_valid_yet_gets_the_advice_to_compare_
     keys = KeyFolder.create(tmp_path / "keys", ["localhost"])
     with monkeypatch.context() as ahead:
         # As on a machine whose clock is ahead of the server's.
-        ahead.setattr("mjplug.security.certificates._SKEW", -timedelta(hours=1))
+        ahead.setattr("mjplug.security.certificates._MAX_CLOCK_SKEW", -timedelta(hours=1))
         file = keys.add("early", "viewer")
     config = read_zenoh_file(keys.path / "server" / "server.json5")
     endpoint = with_free_port("tls/localhost:0")

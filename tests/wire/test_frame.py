@@ -122,7 +122,7 @@ def test_an_unknown_field_is_named_with_a_suggestion():
 def test_text_and_mixed_structs_are_no_numbers():
     with pytest.raises(TypeError, match="'data' contains string; a view needs numbers of one type"):
         CdrFrame(String(data="x")).view("data")
-    with pytest.raises(TypeError, match=r"'header\.stamp' holds int32 and uint32"):
+    with pytest.raises(TypeError, match=r"'header\.stamp' contains int32 and uint32"):
         CdrFrame(JointState()).view("header.stamp")
 
 

@@ -60,7 +60,7 @@ def test_a_work_that_fails_is_reported_and_is_restarted(server, error_messages):
     _, pid = told.perform("good")
     told.submit(["bad", "other"])
     told.wait(lambda: told.lost)
-    assert told.lost == [({"bad", "other"}, "it failed: ValueError('a bad task')")]
+    assert told.lost == [({"bad", "other"}, "a job failed: ValueError('a bad task')")]
     trace, note = error_messages()
     assert trace.startswith("performing bad, other failed\n    Traceback")
     assert trace.endswith("ValueError: a bad task")

@@ -172,13 +172,13 @@ def test_opening_may_take_longer_than_a_job(used):
     watch = HangDetector(1, 5.0)
     assert looks(watch, 1000, "opening", True, watch.message_received) == (
         60,
-        "opening it took longer than 60 s (job_timeout)",
+        "opening the work took longer than 60 s (job_timeout)",
     )
     assert watch.too_long
     watch = HangDetector(1, 90.0)
     assert looks(watch, 1000, "opening", True, watch.message_received) == (
         90,
-        "opening it took longer than 90 s (job_timeout)",
+        "opening the work took longer than 90 s (job_timeout)",
     )
 
 
