@@ -51,11 +51,11 @@ class ParameterGroup(Generic[P]):
         try:
             return type(self.current).model_validate({**self.current.model_dump(), **changes})
         except ValidationError as error:
-            told = [
+            messages = [
                 f"{'.'.join(map(str, details['loc']))}: {details['msg'].removeprefix('Value error, ')}"
                 for details in error.errors(include_url=False)
             ]
-            raise RequestError("; ".join(told)) from None
+            raise RequestError("; ".join(messages)) from None
 
     def apply(self, values: P) -> None:
         """Puts values into effect.

@@ -25,7 +25,7 @@ class UnreadableListError(MjplugError):
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """A topic, and who of the servers is at its ends.
+    """A topic, and the servers that publish it or subscribe to it.
 
     Attributes:
         name: Its full name, such as `/clock`.
@@ -53,7 +53,7 @@ class TopicInfo:
 
     @property
     def latched(self) -> bool:
-        """Whether those who subscribe late still get the last messages."""
+        """Whether late subscribers get the last messages."""
         return self.durability == "transient_local"
 
 
@@ -96,25 +96,25 @@ class ServerInfo:
 
 
 def read(name: str, answer: bytes) -> ServerInfo:
-    """Returns what a server offers.
+    """Decodes a server's list of interfaces.
 
     Args:
-        name: Its full name.
-        answer: What it answered, as JSON text.
+        name: The server's full name.
+        answer: The server's reply, as JSON text.
 
     Raises:
-        UnreadableListError: This is no list of interfaces of the server.
+        UnreadableListError: The reply is not a list of interfaces of this server.
     """
     return parse(checked(name, answer))
 
 
 def checked(name: str, answer: bytes) -> dict[str, Any]:
-    """Returns an answer, checked: any program can answer, and names and types are printed and used as keys."""
+    """Validates a reply and returns it. Any program can reply, and names and types are printed and used as keys."""
     try:
-        told: dict[str, Any] = json.loads(answer)
-        if told["name"] != name:
-            raise ValueError(f"the name in it is {told['name']!r}")
-        for entry in (*told["topics"], *told["services"]):
+        content: dict[str, Any] = json.loads(answer)
+        if content["name"] != name:
+            raise ValueError(f"the name in it is {content['name']!r}")
+        for entry in (*content["topics"], *content["services"]):
             validate_name(entry["name"])
             if not _TYPE.fullmatch(entry["type"]):
                 raise ValueError(f"{quoted(entry['type'])} is not the name of a type")
@@ -122,12 +122,12 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
                 if len(entry.get(field, "").encode()) > LONGEST_KEY:
                     # Zenoh would panic when a request is sent to it.
                     raise ValueError(f"the key {quoted(entry[field])} is longer than {LONGEST_KEY} bytes")
-        parse(told)
+        parse(content)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, NameRuleError) as error:
         raise UnreadableListError(
             f"server {name} does not tell what it offers in a form that can be read: {error!r}"
         ) from None
-    return told
+    return content
 
 
 def parse(told: dict[str, Any]) -> ServerInfo:

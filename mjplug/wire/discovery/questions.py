@@ -64,7 +64,7 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
         waited = time.monotonic() - began
         for name in there - found.keys():
             failed.setdefault(name, f"server {name} is announced but did not answer within {max(waited, 0.01):.2g} s")
-    # A router asks everybody whom it knows at once.
+    # Sorted, because a router forwards the query to all programs at once, so replies arrive in any order.
     present = {name: found[name] for name in sorted(found)}
     return present, {name: why for name, why in sorted(failed.items()) if name in there and name not in found}
 
