@@ -75,7 +75,7 @@ def test_a_report_that_cannot_be_sent_is_a_failure(server):
     told.wait(lambda: told.lost)
     ((tasks, reason),) = told.lost
     assert tasks == {"a"}
-    assert reason.startswith("it failed: ")
+    assert reason.startswith("a job failed: ")
 
 
 def test_a_report_that_cannot_be_read_is_a_failure_too(server):
