@@ -61,7 +61,9 @@ def test_types_are_listed_shown_and_hashed(ask):
     assert ask("interface", "list").splitlines() == list(all_types())
     assert "std_srvs/srv/Trigger" in ask("interface", "list", "-s").splitlines()
     assert all("/msg/" in name for name in ask("interface", "list", "--only-msgs").splitlines())
-    assert ask("interface", "show", "geometry_msgs/Twist").endswith("geometry_msgs/Vector3 angular\n")
+    assert ask("interface", "show", "geometry_msgs/Twist").endswith(
+        "geometry_msgs/Vector3 angular\n\tfloat64 x\n\tfloat64 y\n\tfloat64 z\n"
+    )
     assert "\n---\n" in ask("interface", "show", "std_srvs/srv/Trigger")
     assert ask("interface", "hash", "std_srvs/Trigger") == f"{type_hash(find('std_srvs/srv/Trigger'))}\n"
 

@@ -74,7 +74,7 @@ def test_a_parameter_is_set(tour):
     [
         (1, ("get", "~", "sim.sped"), "unknown parameter 'sim.sped', did you mean 'sim.speed'?; there are: model, "),
         (1, ("describe", "~", "sim.sped"), "unknown parameter 'sim.sped', did you mean 'sim.speed'?"),
-        (7, ("set", "~", "sim.sped", "1"), "there is no parameter 'sim.sped', did you mean 'sim.speed'?"),
+        (7, ("set", "~", "sim.sped", "1"), "unknown parameter 'sim.sped', did you mean 'sim.speed'?"),
         (7, ("set", "~", "sim.speed", "-1"), "it must be a number from 0.001 to 1000, or 'max', not -1.0"),
         (7, ("set", "~", "model", "other.xml"), "it is read-only"),
         (2, ("set", "~", "model", "{a: 1}"), "'{a: 1}' is not the value of a parameter"),

@@ -268,13 +268,13 @@ def test_a_rate_in_simulated_time_does_not_depend_on_the_speed(tour):
 
 
 def test_bandwidth_counts_the_bytes_of_the_messages(tour, monkeypatch):
-    times, original = [], topic_rates.bandwidth
+    times, original = [], rate_meter.bandwidth
 
     def bandwidth(arrivals):
         times[:] = [time for time, _ in arrivals]
         return original(arrivals)
 
-    monkeypatch.setattr(topic_rates, "bandwidth", bandwidth)
+    monkeypatch.setattr(rate_meter, "bandwidth", bandwidth)
     report = tour.ask("topic", "bw", "/clock", "-n", "1")
     size = len(Clock().to_cdr())
     assert f"Message size mean: {size} B min: {size} B max: {size} B" in report

@@ -66,7 +66,7 @@ def test_a_running_server_answers_its_client_and_is_stopped_after_the_block():
     assert not server.running
     with pytest.raises(ClientError, match="closed"):
         client.topics()
-    with pytest.raises(ClientError, match="no mjplug server listens there"):
+    with pytest.raises(ClientError, match="connection refused by "):
         connect(server.endpoint, timeout=0.0)
     server.stop()
 
@@ -258,7 +258,9 @@ def test_only_the_thread_that_opened_a_stepped_server_steps_it(arm):
 def test_steps_are_refused_as_those_of_a_request_are(arm):
     with open_server(arm, run=False) as server:
         server.client().call("~/set_pause", paused=False)
-        with pytest.raises(RequestError, match=r"the simulation is running; pause it first"):
+        with pytest.raises(
+            RequestError, match=r"the simulation is running; pause it first \(~/set_pause, or mjplug sim pause\)"
+        ):
             server.step()
         server.client().call("~/set_pause", paused=True)
         server.step()
