@@ -7,7 +7,8 @@ __all__ = ["ConfigError", "MjplugError", "RunningServer", "__version__", "open_s
 if TYPE_CHECKING:
     from mjplug.config.problem import ConfigError
     from mjplug.errors import MjplugError
-    from mjplug.server.running import RunningServer, open_server
+    from mjplug.server.open_server import open_server
+    from mjplug.server.running import RunningServer
 
     __version__: str
     """The version of the installed package, such as `0.1.0`; pyproject.toml defines it."""
@@ -16,7 +17,7 @@ else:
         "ConfigError": "mjplug.config.problem",
         "MjplugError": "mjplug.errors",
         "RunningServer": "mjplug.server.running",
-        "open_server": "mjplug.server.running",
+        "open_server": "mjplug.server.open_server",
     }
 
     def __getattr__(name):

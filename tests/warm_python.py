@@ -27,7 +27,7 @@ PRELOADED = (
     "mjplug.client",
     "mjplug.lifecycle.serve",
     "mjplug.server.prepared",
-    "mjplug.server.running",
+    "mjplug.server.open_server",
     "mjplug_plugins.external_wrench",
     "mjplug_plugins.heartbeat",
 )

@@ -399,4 +399,4 @@ def test_importing_mjplug_imports_neither_mujoco_nor_numpy(tmp_path):
         """,
         tmp_path,
     )
-    assert done.stdout == "set()\nmjplug.server.running True\nmodule 'mjplug' has no attribute 'open_sever'\n"
+    assert done.stdout == "set()\nmjplug.server.open_server True\nmodule 'mjplug' has no attribute 'open_sever'\n"
