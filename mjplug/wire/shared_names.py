@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import zenoh
-from zenoh.handlers import Callback
 
+from mjplug.log_scope import bound
+from mjplug.wire.callbacks import callback
 from mjplug.wire.discovery.announced import TOKENS, interfaces_key
 from mjplug.wire.discovery.answers import Listing
 from mjplug_schemas.errors import NameRuleError
@@ -126,11 +127,11 @@ class SharedNamesWatch:
         self._reported: dict[str, str] = {}
         self._waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         # This thread sends the queries and waits for replies, because Zenoh's threads must not wait.
-        self._thread = threading.Thread(target=self._run, name="shared names", daemon=True)
+        self._thread = threading.Thread(target=bound(self._run), name="shared names", daemon=True)
         self._thread.start()
         liveliness = session.liveliness()
         self._token = liveliness.declare_token(f"{TOKENS}{listing().name}/{self._own}/{READY}")
-        handler = Callback(self._appeared, indirect=False)
+        handler = callback(self._appeared)
         self._subscriber = liveliness.declare_subscriber(f"{TOKENS}/**/{READY}", handler, history=True)
 
     def close(self) -> None:

@@ -400,3 +400,18 @@ def test_importing_mjplug_imports_neither_mujoco_nor_numpy(tmp_path):
         tmp_path,
     )
     assert done.stdout == "set()\nmjplug.server.open_server True\nmodule 'mjplug' has no attribute 'open_sever'\n"
+
+
+def test_two_servers_in_one_process_warn_about_shared_names_each_in_its_own_log():
+    with (
+        open_server("bundled:box", settings={"node_name": "one"}) as one,
+        open_server("bundled:box", connect=one.endpoint, settings={"node_name": "two"}),
+        one.client() as client,
+        client.subscribe("/rosout", depth=1000) as lines,
+    ):
+        found = {}
+        while len(found) < 2:
+            line = lines.next(timeout=20.0)
+            if " on the same network use the same names: " in line.msg:
+                found[line.name] = line.msg.partition(" on the same")[0]
+    assert found == {"one": "this server and /two", "two": "this server and /one"}
