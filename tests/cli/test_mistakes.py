@@ -42,7 +42,8 @@ CONFIGURATIONS = {
         3,
         [
             "config.yaml:3:3: error: sim.sped: unknown key; "
-            "known: clock_rate, hold_initial_pose, initial_positions, keyframe, on_divergence, paused, plugin_libraries, seed, speed, "
+            "known: clock_rate, hold_initial_pose, initial_positions, keyframe, on_divergence, paused, "
+            "plugin_libraries, seed, speed, "
             "start_position_file\n"
             "    3 |   sped: 2.0\n"
             "      |   ^ did you mean 'speed'?\n",
