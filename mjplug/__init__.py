@@ -1,8 +1,9 @@
 """mjplug: a MuJoCo simulation server that communicates over Zenoh with the names and messages of ROS 2."""
 
-from typing import TYPE_CHECKING
-
 __all__ = ["ConfigError", "MjplugError", "RunningServer", "__version__", "open_server"]
+
+TYPE_CHECKING = False
+"""True for type checkers only. `typing` is not imported: it takes longer than what comes before Ctrl-C is handled."""
 
 if TYPE_CHECKING:
     from mjplug.config.problem import ConfigError

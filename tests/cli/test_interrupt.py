@@ -70,6 +70,14 @@ def test_ctrl_c_after_tab_prints_nothing_where_typer_answers():
     assert interrupted("mjplug_schemas.registry", **asking) == (130, "", "")
 
 
+def test_nothing_is_imported_before_ctrl_c_is_handled():
+    program = "import sys; before = set(sys.modules); import mjplug.cli; print(*sorted(set(sys.modules) - before))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True, timeout=40.0, check=True
+    )
+    assert done.stdout.split() == ["mjplug", "mjplug.cli"]
+
+
 def test_an_ignored_ctrl_c_stays_ignored():
     program = PROGRAM.format(module="typer", words=["--help"], pressed=False)
     done = subprocess.run(
