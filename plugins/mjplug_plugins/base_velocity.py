@@ -5,9 +5,9 @@ import math
 import mujoco
 from pydantic import ConfigDict, Field
 
-from mjplug.plugin import Host, Parameters, Plugin
+from mjplug.plugin import Host, Parameters, Plugin, PluginError
 from mjplug.plugin.bundled import float_view
-from mjplug_plugins.free_body import free_body
+from mjplug_plugins.free_body import free_bodies, free_body
 from mjplug_schemas.geometry_msgs import Twist, TwistStamped
 
 _NO_COMMAND = -1
@@ -58,6 +58,12 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
 
     def init(self, host: Host, parameters: BaseVelocityParameters) -> None:
         """Finds the base and holds its velocity at zero."""
+        named = sorted(body.name for body in free_bodies(host.model) if body.name)
+        if not parameters.body and named:
+            raise PluginError(
+                f"the parameter body is missing; bodies with a free joint: {', '.join(named)}; for example "
+                f"--set plugins.{host.name}.body={named[0]}"
+            )
         base = free_body(host, parameters.body)
         self._host = host
         self._topic = host.full_name(parameters.cmd_vel_topic)

@@ -42,16 +42,11 @@ def free_body(host: Host, name: str) -> FreeBody:
 
     Raises:
         UnknownName: The model has no body of that name.
-        PluginError: The name is empty, or the body has no free joint. All messages list the bodies with a free joint.
+        PluginError: The body has no free joint. Both messages list the bodies with a free joint.
     """
     named = {body.name: body for body in free_bodies(host.model) if body.name}
     if name in named:
         return named[name]
-    if not name and named:
-        raise PluginError(
-            f"the parameter body is missing; bodies with a free joint: {', '.join(sorted(named))}; for example "
-            f"--set plugins.{host.name}.body={min(named)}"
-        )
     try:
         host.body_id(name)
     except UnknownName:

@@ -51,7 +51,9 @@ def test_more_requests_than_can_wait_are_refused_and_a_reset_answers_the_rest(at
     client.do("mjplug/reset_world")
     reasons = [one.answer().sentence for one in pending]
     cancelled = [reason for reason in reasons if reason == "cancelled: the world was reset"]
-    refused = [reason for reason in reasons if "at most 1000 may act at a time" in reason or "busy: " in reason]
+    refused = [
+        reason for reason in reasons if "at most 1000 can be active at the same time" in reason or "busy: " in reason
+    ]
     assert len(cancelled) + len(refused) == 4200
     assert len(cancelled) == 1000
     assert client.do("mjplug/set_pause", paused=False) == "the simulation is now running"

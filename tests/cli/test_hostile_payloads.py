@@ -90,7 +90,7 @@ def test_ten_megabytes_are_refused_unread(target):
 def test_a_megabyte_of_wrenches_is_refused_whole(target):
     many = b'{"wrenches": {"external_wrenches": [' + b",".join([b"{}"] * 340_000) + b"]}}"
     sentence = refused(target.client.send("external_wrench/apply_wrench", many, JSON, timeout=60.0))
-    assert sentence == "the JSON has 1020038 bytes; at most 65536 are accepted (zenoh.max_json_bytes), send CDR"
+    assert sentence == "the JSON has 1020038 bytes; at most 65536 are accepted (zenoh.max_json_bytes), send CDR instead"
     most = b'{"wrenches": {"external_wrenches": [' + b",".join([b"{}"] * 1_022) + b"]}}"
     assert "nothing was applied" in refused(
         target.client.send("external_wrench/apply_wrench", most, JSON, timeout=60.0)

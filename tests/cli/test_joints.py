@@ -129,7 +129,7 @@ def test_a_command_whose_arrays_do_not_fit_is_reported_in_the_diagnostics(served
         return next((s["message"] for n, s in told.items() if n.endswith("commands") and s["level"]), "")
 
     found = refusal(diagnostics.until(refusal))
-    assert found.startswith("/robot_joint_commands: position has 1 numbers for 2 names")
+    assert found.startswith("/robot_joint_commands: the length of position is 1, but that of name is 2")
     assert "a message on /robot_joint_commands was refused" in server.err.wait_for("refused.*").string
 
 

@@ -156,7 +156,7 @@ def test_a_ros_parameter_file_becomes_a_configuration_that_means_the_same(ask, f
     own, ros = ([line.partition("#")[0] for line in text.splitlines()] for text in shown)
     assert own == ros
     assert '    topic: "1e3"' in [line.rstrip() for line in own]
-    assert "names none; give --model FILE" in fail(3, "config", "convert", "ros.yaml")
+    assert "a ROS parameter file contains no model; give --model FILE" in fail(3, "config", "convert", "ros.yaml")
 
 
 def resolve(schema, root):

@@ -56,7 +56,7 @@ def test_names_are_remapped(serve, connect, tmp_path):
     (tmp_path / "config.yaml").write_text(
         "model: bundled:box\n"
         "namespace: robot1\n"
-        "remap: {/robot1/external_wrench/apply_wrench: /push, /mujoco_heartbeat: /robot1/pulse}\n"
+        "remap: {/robot1/external_wrench/apply_wrench: /push, /robot1/mujoco_heartbeat: /robot1/pulse}\n"
         "plugins:\n"
         "  external_wrench: {type: external_wrench}\n"
         "  heartbeat: {type: heartbeat, update_rate: 50.0}\n"
@@ -65,7 +65,7 @@ def test_names_are_remapped(serve, connect, tmp_path):
     client.do("push", **wrenches(wrench("box", force=(1.0, 0.0, 0.0))))
     assert "Heartbeat #" in client.listen("robot1/pulse/@json").next()["data"]
     names = {entry["name"] for entry in client.ask("robot1/mjplug/interfaces")["topics"]}
-    assert "/mujoco_heartbeat" not in names
+    assert "/robot1/mujoco_heartbeat" not in names
 
 
 def test_a_module_beside_the_file_is_found_from_wherever_the_server_is_started(serve, connect, tmp_path):

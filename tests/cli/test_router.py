@@ -80,7 +80,7 @@ def test_a_server_survives_its_router_and_reports_when_it_is_back(route, serve):
         clock = client.subscribe("/clock")
         clock.next(STARTING)
         router.process.kill()
-        assert server.err.wait_for(r"the Zenoh router at \S+ is gone", STARTING)
+        assert server.err.wait_for(r"the connection to the Zenoh router at \S+ is lost", STARTING)
         assert server.running
         route(router.endpoint)
         assert server.err.wait_for(rf"the connection to the Zenoh router at {router.endpoint} is back", BACK)

@@ -53,7 +53,7 @@ ros_params: [no.yaml]
         "    4 |   speed: fast\n"
         "      |          ^\n"
         "c.yaml:5:3: error: sim.sped: unknown key; known: clock_rate, hold_initial_pose, initial_positions, keyframe, "
-        "on_divergence, paused, seed, speed, start_position_file\n"
+        "on_divergence, paused, plugin_libraries, seed, speed, start_position_file\n"
         "    5 |   sped: 2\n"
         "      |   ^ did you mean 'speed'?\n"
         "c.yaml:6:11: error: sim.paused: Input should be true or false, not 'true'\n"
@@ -257,7 +257,7 @@ plugins:
         draft.finish(problems)
     assert str(all_of_it.value) == (
         "c.yaml:2:7: error: sim.sped: unknown key; known: clock_rate, hold_initial_pose, initial_positions, keyframe, "
-        "on_divergence, paused, seed, speed, start_position_file\n"
+        "on_divergence, paused, plugin_libraries, seed, speed, start_position_file\n"
         "    2 | sim: {sped: 1}\n"
         "      |       ^ did you mean 'speed'?\n"
         "c.yaml:4:3: error: plugins.cam.body: required, but not given\n"

@@ -100,7 +100,8 @@ def test_wrong_options_say_which_they_are(config):
         "environment MJPLUG_SIM__PAUSED: error: sim.paused: Input should be true or false, not 'maybe'",
         "--set sim.seed='2': error: sim.seed: Input should be a whole number, not '2'; leave out the quotes",
         "--set sim.sped=2: error: sim.sped: unknown key; "
-        "known: clock_rate, hold_initial_pose, initial_positions, keyframe, on_divergence, paused, seed, speed, "
+        "known: clock_rate, hold_initial_pose, initial_positions, keyframe, on_divergence, paused, "
+        "plugin_libraries, seed, speed, "
         "start_position_file; did you mean 'speed'?",
         "--set plugins.heartbat.rate=1: error: plugins.heartbat.type: required, but not given; "
         "did you mean 'heartbeat'?",

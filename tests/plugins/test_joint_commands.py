@@ -205,7 +205,7 @@ def test_lists_that_are_shorter_than_the_names_are_for_the_joints_with_that_inte
     assert world.data.ctrl.tolist() == [-0.3, 0.4, 0.0, 0.05]
     command(world, ["loose", "wrist", "rail", "shoulder"], position=[0.1, 0.2])
     refusal = diagnosis(world).message
-    assert "position contains 2 numbers for 4 names" in refusal
+    assert "the length of position is 2, but that of name is 4" in refusal
     assert "command_interfaces declares it for 1 of the names" in refusal
     assert world.data.ctrl[SHOULDER] == 0.4
 
@@ -231,9 +231,9 @@ def test_of_several_commands_that_one_actuator_could_follow_it_follows_the_posit
         (
             ["rail", "shoulder"],
             {"position": [0.1]},
-            "position contains 1 numbers for 2 names; send one number for each name, or",
+            "the length of position is 1, but that of name is 2; send one number for each name, or",
         ),
-        (["shoulder"], {"position": [0.1, 0.2]}, "position contains 2 numbers for 1 names"),
+        (["shoulder"], {"position": [0.1, 0.2]}, "the length of position is 2, but that of name is 1"),
         (["shoulder", "shoulder"], {"position": [0.1, 0.2]}, "joint 'shoulder' is listed twice: name[0] and name[1]"),
         (["shoulder", "wrist"], {"position": [0.1, math.nan], "effort": [0.0, math.inf]}, "of joint 'wrist' is inf"),
         (["wrist", "shoulder"], {"effort": [1.0, 0.0], "position": [0.0, 1e300]}, "of joint 'shoulder' is 1e+300"),

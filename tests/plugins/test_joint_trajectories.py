@@ -202,10 +202,13 @@ def refused(world, message):
             trajectory(["wrist"], point(1.0, [0.0])),
             "accepts effort commands, not position; set pid_gains.position.wrist to allow it",
         ),
-        (trajectory(["shoulder"], point(1.0, [1.0, 2.0])), "points[0].positions contains 2 numbers for 1 joints"),
+        (
+            trajectory(["shoulder"], point(1.0, [1.0, 2.0])),
+            "the length of points[0].positions is 2, but that of joint_names is 1",
+        ),
         (
             trajectory(["shoulder"], point(1.0, [1.0], [1.0, 1.0])),
-            "points[0].velocities contains 2 numbers for 1 joints",
+            "the length of points[0].velocities is 2, but that of joint_names is 1",
         ),
         (trajectory(["shoulder"], point(1.0, [math.nan])), "points[0].positions contains nan; numbers must be finite"),
         (trajectory(["shoulder"], point(1.0, [])), "points[0] has no positions"),

@@ -60,7 +60,7 @@ def put(ask):
 
 def test_parameters_are_listed_typed_and_read(ask):
     listed = ask("list_parameters", ListParameters.Request()).result
-    of_sim = {f"sim.{name}" for name, value in Sim().model_dump().items() if not isinstance(value, dict)}
+    of_sim = {f"sim.{name}" for name, value in Sim().model_dump().items() if not isinstance(value, dict | list | tuple)}
     assert list(listed.names) == sorted({"model", "use_sim_time"} | of_sim)
     assert {"sim.clock_rate", "sim.keyframe", "sim.paused", "sim.seed", "sim.speed"} <= of_sim
     assert listed.prefixes == ("sim",)

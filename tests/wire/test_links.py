@@ -80,6 +80,8 @@ def lingering():
             if not os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
                 continue
             with socket.socket(fileno=os.dup(int(name))) as one:
+                if one.family not in (socket.AF_INET, socket.AF_INET6):
+                    continue
                 one.getpeername()
                 on, seconds = struct.unpack("ii", one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
                 found[one.getsockname()[1], one.getpeername()[1]] = seconds if on else 0

@@ -99,7 +99,8 @@ class JointStateCommands:
             return list(enumerate(declaring))
         configured = f"command_interfaces declares it for {len(declaring)} of the names" if declared else ""
         raise RequestError(
-            f"{interface} contains {length} numbers for {len(names)} names; send one number for each name, or none"
+            f"the length of {interface} is {length}, but that of name is {len(names)}; send one number for each name, "
+            "or none"
             + (f" ({configured})" if configured else "; or declare the interfaces of the joints in command_interfaces")
         )
 

@@ -126,7 +126,9 @@ def validate(trajectory: JointTrajectory, now: int) -> None:
         for name in ("positions", "velocities", "accelerations"):
             values = getattr(point, name)
             if values and len(values) != count:
-                raise RequestError(f"points[{index}].{name} contains {len(values)} numbers for {count} joints")
+                raise RequestError(
+                    f"the length of points[{index}].{name} is {len(values)}, but that of joint_names is {count}"
+                )
             # The sum detects NaN too and is fast: physics waits while a long trajectory is checked.
             if not sum(map(abs, values)) <= MAX_VALUE:
                 for wrong in (value for value in values if not abs(value) <= MAX_VALUE):
