@@ -53,7 +53,7 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
             if k % BURST == 0:
                 sleep(PAUSE)
             # As after a step.
-            simulation.positions_changed()
+            simulation.mark_poses_outdated()
             began = perf_counter()
             host.callback()
             durations.append(perf_counter() - began)

@@ -42,8 +42,8 @@ def apply(simulation: Simulation, targets: Iterable[FreeJointTarget]) -> None:
 
     Derived quantities are out of date afterwards; call `simulation.forward`.
     """
-    # Positions may have been written without a call of `positions_changed`.
-    simulation.positions_changed()
+    # Positions may have been written without a call of `mark_poses_outdated`.
+    simulation.mark_poses_outdated()
     simulation.kinematics()
     model, data = simulation.model, simulation.data
     xpos, xquat = data.xpos.copy(), data.xquat.copy()

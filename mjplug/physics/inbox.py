@@ -68,7 +68,7 @@ class Inbox:
                 self.overruns += self.overfull
                 return
 
-    def report(self, now: float) -> None:
+    def report_overruns(self, now: float) -> None:
         """Logs, at most once in `REPORT_INTERVAL`, that calls arrive faster than they are handled.
 
         Args:

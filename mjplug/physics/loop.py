@@ -1,4 +1,12 @@
-"""The physics loop: takes the steps, and calls everything that reads or changes the state."""
+"""The physics loop: takes the steps, and calls everything that reads or changes the state.
+
+Terms:
+    Step number: The number of steps taken since the start. A reset does not change it.
+    Boundary: The moment between two steps. Everything but the steps themselves runs at a boundary.
+    Batch: One or more steps, between which no posted call, timer or request runs.
+    Posted call: A function that another thread has put into the inbox, such as the handling of a request.
+    Stepper: An object, such as a plugin, whose `update` is called before every step while it is active.
+"""
 
 from collections.abc import Callable, Generator
 from time import perf_counter
@@ -33,25 +41,28 @@ R = TypeVar("R", bound=Request)
 class Loop:
     """Owns the simulation and runs everything that touches it, in one thread.
 
-    At each boundary between steps, in this order: posted calls, due timers and waiting requests, updates of the active
-    steppers, velocity overrides, the step.
+    The order at each boundary: posted calls, due timers and waiting requests, updates of the active steppers, velocity
+    overrides of the steppers. Then `Simulation.advance` writes the velocity holds and takes the step.
+
+    `run` is used by a server, and calls `turn` again and again. `step` is used by tests, and takes steps at once.
 
     Attributes:
         simulation: The model and its state.
-        scheduler: Timers and waiting requests.
-        steppers: Objects that are updated before every step.
+        scheduler: Timers, and requests that wait for a step or an event.
+        steppers: The steppers, active or not.
         inbox: The queue to which other threads post calls.
         pacer: Wall-clock pacing.
-        goals: Steps that `step_simulation` requests while paused; they are taken at full speed.
-        lockstep: Tokens of workers that must finish a job first. While it is not empty, no step is taken, but requests
-            are served.
+        goals: Steps that clients request with the service `step_simulation` while paused; they are taken at full speed.
+        lockstep: One key for each worker process that must finish its job before the next step. While the set is not
+            empty, no step is taken, but requests are served.
         paused: Whether the simulation is paused.
         on_reset: Called after every reset, after `on_reset` of all steppers.
-        on_stepped: Called after the steps of a goal were taken.
-        on_idle: Called as soon as `run` is paused, and then about once a second of wall time while paused.
+        on_stepped: Called after the steps of a goal were taken, before the request is answered; publishes `/clock`.
+        on_idle: Called while `run` is paused and has nothing to do: at once, and then about once a second of wall time.
+            It publishes `/clock`.
         on_second: Called with the wall time [s] about once a second of wall time, paused or not, at any speed.
         recovery: The divergence policy and its log lines.
-        timing: Measured duration and lateness of steps.
+        timing: Measured duration of steps, and how late they start [s of wall time].
         failure: The error that ended `run`; None if there was none.
         last_step: `run` ends after this step. The default is the last step whose time fits into a ROS message.
 
@@ -59,7 +70,7 @@ class Loop:
         simulation: The model and its state.
         speed: Real-time factor, or `max` for no pacing.
         paused: Whether the simulation starts paused.
-        on_divergence: `sim.on_divergence`.
+        on_divergence: What to do if the state becomes invalid; the setting `sim.on_divergence`.
     """
 
     def __init__(
@@ -79,7 +90,7 @@ class Loop:
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
-        self.on_second: list[Callable[[float], None]] = [self.recovery.report_suppressed, self.inbox.report]
+        self.on_second: list[Callable[[float], None]] = [self.recovery.report_suppressed, self.inbox.report_overruns]
         self.timing = Timing()
         self.goals = StepGoals()
         self.lockstep: set[object] = set()
@@ -114,6 +125,7 @@ class Loop:
             request.refuse(str(error))
         except BaseException as error:
             if not is_fault(error):
+                # Ctrl-C in a program that steps the server itself.
                 raise
             self.scheduler.failures.log("a service failed")
             request.refuse(f"internal error: {error!r}")
@@ -126,21 +138,24 @@ class Loop:
         """Resumes simulated time; cancels all step goals."""
         self.goals.cancel("interrupted: the simulation was resumed")
         self.paused = False
-        self._anchor()
+        self._anchor_pacer()
 
     def set_speed(self, speed: Speed) -> None:
         """Changes the real-time factor from now on, and discards the current lag."""
         self.pacer.speed = speed
-        self._anchor()
+        self._anchor_pacer()
 
     def reset(self, reset: Reset) -> None:
-        """Resets the world, refuses every waiting request, and calls `on_reset` of every stepper."""
+        """Resets the world, refuses every waiting request, and calls `on_reset` of every stepper.
+
+        The step number and simulated time continue. Timers start a new period.
+        """
         reset.apply(self.simulation)
         self.goals.cancel("cancelled: the world was reset")
         self.scheduler.cancel("cancelled: the world was reset")
         self.steppers.on_reset()
         self.scheduler.rephase(self.simulation.step)
-        self._anchor()
+        self._anchor_pacer()
         for callback in self.on_reset:
             callback()
 
@@ -154,7 +169,7 @@ class Loop:
         self.stop()
 
     def step(self, steps: int = 1) -> None:
-        """Takes steps at full speed, paused or not, and runs everything that is due.
+        """Takes steps at full speed, paused or not, and runs everything that is due; with 0, only the latter.
 
         Returns early after `stop` or a divergence. Between steps it waits until `lockstep` is empty, but not after the
         last step.
@@ -165,46 +180,50 @@ class Loop:
             if self.lockstep:
                 self._wait(WALL_TIMER_PERIOD)
                 self._run_due()
-            elif not self._advance(target):
+            elif not self._take_batch(target):
                 return
 
     def run(self) -> None:
         """Runs until stopped, paced by the wall clock. May be called again to continue."""
         self._stopping = self.failure is not None
-        self._anchor()
+        self._anchor_pacer()
         while not self._stopping:
             self.turn()
         self.recovery.report_suppressed(perf_counter(), final=True)
 
     def turn(self) -> None:
-        """Runs what is due; if nothing is, waits for the deadline of the next step or for a posted call."""
+        """One iteration of `run`: runs what is due, then takes steps, or waits if none is due yet.
+
+        It waits until the deadline of the next step, or until a call is posted.
+        """
         polled = self._poll()
         step = self.simulation.step
         if self._stopping:
             return
         now = perf_counter()
         if now >= self._second_at:
-            now = self._second(now)
+            now = self._call_on_second(now)
         if self.lockstep and (self.goals or not self.paused):
             if not polled:
                 self._wait(self._second_at - now)
         elif self.paused:
             if self.goals:
-                self._advance(self.goals.next_target)
+                self._take_batch(self.goals.next_target)
             elif not polled:
                 self._idle(now)
         elif self.pacer.speed == "max":
-            self._advance(step + self._batch)
+            self._take_batch(step + self._batch)
         else:
             due = self.pacer.due(step, now)
             if due > step:
                 self.timing.lateness.append(now - self.pacer.deadline(step + 1))
-                self._advance(due)
+                self._take_batch(due)
             else:
+                # Short steps are taken in groups; a step at which a timer or a request is due is not delayed.
                 wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
                 self._wait(min(self.pacer.deadline(wake), self._second_at) - now)
 
-    def _second(self, now: float) -> float:
+    def _call_on_second(self, now: float) -> float:
         """Calls `on_second`; returns the wall time afterwards [s]."""
         self._second_at = now + WALL_TIMER_PERIOD
         for callback in self.on_second:
@@ -212,7 +231,7 @@ class Loop:
         return perf_counter()
 
     def _idle(self, now: float) -> None:
-        """Waits for a posted call while paused, and calls `on_idle` when its period is over."""
+        """Waits for a posted call while paused; before that, calls `on_idle` if it is time for it."""
         if now >= self._idle_at:
             self._idle_at = now + WALL_TIMER_PERIOD
             for callback in self.on_idle:
@@ -220,26 +239,27 @@ class Loop:
         self._wait(min(self._idle_at, self._second_at) - now)
 
     def _wait(self, seconds: float) -> None:
-        """Waits for a posted call, and runs it."""
+        """Waits for a posted call for at most this wall time [s], and runs it."""
         self.inbox.wait(max(0.0, seconds))
-        self.simulation.positions_changed()
+        self.simulation.mark_poses_outdated()
 
     def _poll(self) -> bool:
         """Runs posted calls, then everything due at this boundary; returns whether there were posted calls."""
         posted = not self.inbox.empty()
         if posted:
             self.inbox.drain(MAX_BATCH_TIME)
-            self.simulation.positions_changed()
+            self.simulation.mark_poses_outdated()
         self._run_due()
         return posted
 
     def _run_due(self) -> None:
+        """Runs due timers and waiting requests, then ends reached goals, and `run` if this was its last step."""
         step = self.simulation.step
         if self.scheduler.next_due <= step:
             self.scheduler.run_due(step)
-            self.simulation.positions_changed()
+            self.simulation.mark_poses_outdated()
         if self.lockstep:
-            # A lockstep worker still works on this boundary; goals that end here are answered afterwards.
+            # A worker process still works on the state of this boundary; goals that end here are answered after it.
             return
         if self.goals and self.goals.next_target <= step:
             # Before the response, so that a client that gets it already has the new time.
@@ -247,9 +267,9 @@ class Loop:
                 callback()
             self.goals.end_reached(step)
         if step >= self.last_step:
-            self._end(step)
+            self._end_at_last_step(step)
 
-    def _end(self, step: int) -> None:
+    def _end_at_last_step(self, step: int) -> None:
         """Ends `run` after its last step."""
         if step < self._end_of_time:
             self.stop()
@@ -261,12 +281,21 @@ class Loop:
                 )
             )
 
-    def _advance(self, target: int) -> bool:
-        """Takes at most one batch of steps towards `target`; returns False if a divergence stops the simulation."""
+    def _take_batch(self, target: int) -> bool:
+        """Takes at most one batch of steps towards a step number, then runs what is due.
+
+        The next batch is longer or shorter, so that it takes about `MAX_BATCH_TIME`.
+
+        Args:
+            target: The step number after which no step is taken.
+
+        Returns:
+            False if a divergence paused the simulation or ended `run`, otherwise True.
+        """
         simulation, began = self.simulation, perf_counter()
         first, target = simulation.step, min(target, self.last_step)
         if self.steppers.active:
-            divergence = self._step_actively(min(target, first + self._batch))
+            divergence = self._step_with_updates(min(target, first + self._batch))
         else:
             steps = min(target, self.scheduler.next_due) - first
             simulation.checkpoint()
@@ -283,10 +312,11 @@ class Loop:
         self._run_due()
         return True
 
-    def _step_actively(self, target: int) -> Divergence | None:
-        """Updates the steppers and takes a step, until `target`, a due step or a posted call.
+    def _step_with_updates(self, target: int) -> Divergence | None:
+        """Updates the steppers before each step. Ends at `target`, at a step with something due, or at a posted call.
 
-        If the last drain left calls in the inbox, posted calls do not end it, so that steps get as much time as calls.
+        If the last drain of the inbox left calls in it, posted calls do not end it, so that steps get as much time as
+        calls.
         """
         simulation, steppers, scheduler, nothing_posted = (
             self.simulation,
@@ -300,6 +330,7 @@ class Loop:
             simulation.checkpoint()
             steppers.update()
             if self._stopping:
+                # An update failed.
                 return None
             steppers.override()
             divergence = simulation.advance(1)
@@ -309,7 +340,8 @@ class Loop:
             if not steppers.active or self.lockstep or not (nothing_posted() or overfull):
                 return None
 
-    def _anchor(self) -> None:
+    def _anchor_pacer(self) -> None:
+        """Makes the deadlines of the next steps count from now, so that time that has passed is not caught up."""
         self.pacer.anchor(self.simulation.step, perf_counter())
 
     def _recover(self, divergence: Divergence) -> bool:

@@ -189,7 +189,7 @@ class Simulation:
         self._kinematics_current = True
         self._forwarded = self.step
 
-    def positions_changed(self) -> None:
+    def mark_poses_outdated(self) -> None:
         """Marks body poses as out of date, so that `kinematics` computes them. Call it after writing `qpos`."""
         self._kinematics_current = False
 

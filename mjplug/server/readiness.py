@@ -53,7 +53,7 @@ def wait_until_ready(loop: Loop, network: Network) -> bool:
     until = monotonic() + READY_TIME
     while not ended.is_set() and not loop.inbox.interrupted and (left := until - monotonic()) > 0.0:
         loop.inbox.wait(left)
-        loop.simulation.positions_changed()
+        loop.simulation.mark_poses_outdated()
     if loop.inbox.interrupted:
         # The call that stops the loop may have been among those that ran.
         loop.inbox.post(loop.stop)

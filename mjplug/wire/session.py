@@ -1,4 +1,8 @@
-"""Opens the Zenoh session of a server: it joins a network or creates one."""
+"""Opens the Zenoh session of a server.
+
+A network is a Zenoh router and the sessions connected to it. The session of a server is the router of a new network,
+or it connects to the router of an existing one.
+"""
 
 import logging
 import time
@@ -25,16 +29,16 @@ class WireSession:
 
     Attributes:
         zenoh: The session.
-        role: The session's role in the network.
+        role: Zenoh's mode of the session: `router`, `peer` or `client`.
         listening: The endpoints it listens on, with their actual ports.
         joined: The endpoints it connects to.
 
     Args:
         session: The session.
-        role: The session's role in the network.
+        role: Zenoh's mode of the session.
         listening: The endpoints it listens on, with their actual ports.
         joined: The endpoints it connects to.
-        watch: Monitors the connection to `joined`; it is closed with the session.
+        watch: Monitors the connection to `joined`, and may host a replacement router; it is closed with the session.
     """
 
     def __init__(
@@ -76,6 +80,12 @@ class WireSession:
 def open_session(settings: SessionSettings, name: str) -> WireSession:
     """Opens the session of a server.
 
+    With the mode `auto`:
+    - If only endpoints to connect to are set, it is a client of the router there, and waits until the router answers.
+    - Otherwise it is a router, and listens.
+    - If another Zenoh router already listens on the endpoint, it is a client of that router. When that router ends, one
+      of these clients opens a new router on the endpoint. If endpoints to connect to are set too, it is a peer instead.
+
     Args:
         settings: The session's settings.
         name: The server's full name, such as `/robot1/mjplug`.
@@ -86,23 +96,24 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
     """
     plan = Plan(settings, name)
     if plan.mode != "auto":
-        return _open(plan, plan.mode, plan.listen(plan.mode), plan.connect)
-    if plan.connect and not plan.listens:
-        return _open_client(plan)
-    listen = plan.listen("router")
+        return _open(plan, plan.mode, plan.listen_endpoints(plan.mode), plan.connect)
+    if plan.connect and not plan.listen_is_set:
+        return _wait_for_router(plan)
+    listen = plan.listen_endpoints("router")
     try:
         return _open(plan, "router", listen, plan.connect)
     except EndpointInUseError as error:
         if settings.access_control is not None:
+            # Only the router applies access rules, and the other router does not have those of this server.
             raise WireError(error.message_with_roles()) from None
         with plan.probe(error.endpoint) as client:
             if client is None:
                 raise WireError(error.message_not_zenoh()) from None
         router = dialable(error.endpoint)
         if plan.connect:
-            # A client has only one connection.
+            # A client has only one connection, but this session needs several: to the router here and to `connect`.
             return _open(plan, "peer", tuple(on_free_port(endpoint) for endpoint in listen), (router, *plan.connect))
-        return _open(plan, "client", (), (router,), inherits=listen)
+        return _open(plan, "client", (), (router,), takes_over=listen)
 
 
 def open_router(settings: SessionSettings) -> WireSession:
@@ -113,7 +124,7 @@ def open_router(settings: SessionSettings) -> WireSession:
     """
     plan = Plan(settings, "")
     try:
-        return _open(plan, "router", plan.listen("router"), plan.connect)
+        return _open(plan, "router", plan.listen_endpoints("router"), plan.connect)
     except EndpointInUseError as error:
         with plan.probe(error.endpoint) as client:
             if client is None:
@@ -125,7 +136,9 @@ def open_router(settings: SessionSettings) -> WireSession:
 
 
 def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session:
-    """Opens a client session on the network of a server on this machine, with the server's own configuration file.
+    """Opens the client session of a worker process, on the network of its server.
+
+    It uses `worker_config`, or, if there is none, the configuration file of the server.
 
     Args:
         settings: The server's settings.
@@ -136,28 +149,29 @@ def join(settings: SessionSettings, endpoints: tuple[str, ...]) -> zenoh.Session
     """
     connect = tuple(dialable(endpoint) for endpoint in endpoints)
     if settings.worker_config is not None:
-        # A worker can present its certificate only over these.
-        connect = tuple(endpoint for endpoint in connect if endpoint.startswith(ENCRYPTED)) or connect
+        # The certificate in `worker_config` identifies the process, and only encrypted endpoints use certificates.
+        encrypted = tuple(endpoint for endpoint in connect if endpoint.startswith(ENCRYPTED))
+        connect = encrypted or connect
         settings = replace(settings, config=settings.worker_config)
     return Plan(settings, "").join(connect)
 
 
 def _open(
-    plan: Plan, role: Role, listen: tuple[str, ...], connect: tuple[str, ...], inherits: tuple[str, ...] = ()
+    plan: Plan, role: Role, listen: tuple[str, ...], connect: tuple[str, ...], takes_over: tuple[str, ...] = ()
 ) -> WireSession:
     """Opens a session and monitors its connections.
 
-    When the connection to the router is lost, a replacement router is opened on the endpoints `inherits`, if any.
+    When the connection to the router is lost, a replacement router is opened on the endpoints `takes_over`, if any.
     """
     session, listening = plan.open(role, listen, connect)
     watch = None
     if connect:
-        watch = RouterWatch(session, connect, (lambda: plan.host_router(inherits)) if inherits else None)
+        watch = RouterWatch(session, connect, (lambda: plan.host_router(takes_over)) if takes_over else None)
     return WireSession(session, role, listening, connect, watch)
 
 
-def _open_client(plan: Plan) -> WireSession:
-    """Connects to the router that `connect` names; retries until it answers."""
+def _wait_for_router(plan: Plan) -> WireSession:
+    """Opens a client session to the router at `plan.connect`; retries until the router answers."""
     reported = False
     while True:
         try:

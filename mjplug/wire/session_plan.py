@@ -98,7 +98,7 @@ class Plan:
     Attributes:
         mode: The mode of the settings, or of the file if the settings say `auto`.
         connect: Endpoints to connect to.
-        listens: Whether the settings or the file name endpoints to listen on.
+        listen_is_set: Whether the settings or the file name endpoints to listen on.
 
     Args:
         settings: The settings.
@@ -112,14 +112,14 @@ class Plan:
         mode: str | None = json.loads(file.get_json("mode"))
         self.mode: Mode = mode if settings.mode == "auto" and mode else settings.mode  # type: ignore[assignment]
         self.connect = settings.connect or _endpoints(file, "connect", "peer")
-        self.listens = settings.listen is not None or file.get_json("listen") != zenoh.Config().get_json("listen")
+        self.listen_is_set = settings.listen is not None or file.get_json("listen") != zenoh.Config().get_json("listen")
 
-    def listen(self, role: Role) -> tuple[str, ...]:
+    def listen_endpoints(self, role: Role) -> tuple[str, ...]:
         """Returns the endpoints to listen on; port 0 is not yet replaced."""
         if role == "client":
             return ()
         file = self._base()
-        endpoints = _endpoints(file, "listen", role) if self.listens else ()
+        endpoints = _endpoints(file, "listen", role) if self.listen_is_set else ()
         default = DEFAULT_LISTEN if role == "router" else "tcp/127.0.0.1:0"
         return (endpoints or (default,)) if self._settings.listen is None else self._settings.listen
 

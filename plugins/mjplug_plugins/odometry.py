@@ -1,4 +1,4 @@
-"""Publishes the exact pose and velocity of a robot base."""
+"""Publishes the pose and velocity of a robot base, as the simulation computes them: without noise, drift or delay."""
 
 from typing import Annotated, Literal
 
@@ -18,8 +18,10 @@ Array = NDArray[np.float64]
 
 Variance = Annotated[float, Field(ge=0)]
 Diagonal = Annotated[tuple[Variance, Variance, Variance, Variance, Variance, Variance], Field(strict=False)]
+"""Diagonal of a covariance matrix. It is not strict, because a list in YAML is not a tuple."""
 
 _WXYZ = "wxyz"
+"""MuJoCo's order of a quaternion. The message has the order x, y, z, w, so the four numbers are written by name."""
 
 
 class OdometryParameters(Parameters):
@@ -34,7 +36,8 @@ class OdometryParameters(Parameters):
     )
     origin: Literal["world", "start"] = Field(
         default="world",
-        description="Origin of the pose: the world frame, or the pose of the base after each reset (`start`).",
+        description="Origin of the pose: the world frame, or the pose of the base at the start and after each reset "
+        "(`start`).",
     )
     publish_tf: bool = Field(default=False, description="Whether the pose is also published on `tf_topic`.")
     tf_topic: str = Field(default="{ns}/tf", description="Topic of the transform.")
@@ -49,7 +52,8 @@ class OdometryParameters(Parameters):
 class OdometryPublisher(Plugin[OdometryParameters]):
     """Publishes pose and velocity of a base as `nav_msgs/Odometry`; the velocities are in the frame of the base.
 
-    The base is any body, with a free joint or on slides and hinges. The values are exact and belong to the stamp.
+    The base is any body, with a free joint or on slides and hinges. Pose and velocity belong to the
+    instant of the stamp.
     """
 
     def init(self, host: Host, parameters: OdometryParameters) -> None:
@@ -58,6 +62,7 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         name = parameters.body or _only_free_body(host)
         self._base = _Base(host, host.body_id(name))
         self._from_start = parameters.origin == "start"
+        # The origin at the start.
         self.on_reset()
         child = host.frame_id(parameters.child_frame_id or name)
         header = Header(frame_id=host.frame_id(parameters.frame_id))
@@ -76,15 +81,12 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         self._translation = self._transform.view("transforms[0].transform.translation")
         self._rotation = self._transform.slots(f"transforms[0].transform.rotation.{part}" for part in _WXYZ)
         self._publisher = host.create_publisher(Odometry, parameters.topic)
-        publishers = [self._publisher]
         self._tf = None
         if parameters.publish_tf:
             self._tf = host.create_publisher(TFMessage, parameters.tf_topic, QoS(depth=100))
-        host.create_timer(
-            1.0 / parameters.rate,
-            self._publish,
-            while_matched=[*publishers, self._tf] if self._tf is not None else publishers,
-        )
+        publishers = [publisher for publisher in (self._publisher, self._tf) if publisher is not None]
+        # The timer sleeps while no publisher has a subscriber.
+        host.create_timer(1.0 / parameters.rate, self._publish, while_matched=publishers)
 
     def on_reset(self) -> None:
         """Sets the origin to the new pose, if `origin` is `start`."""
@@ -119,6 +121,7 @@ class _Base:
     def __init__(self, host: Host, body: int) -> None:
         data = host.data
         self._host, self._body = host, body
+        # Views of the state, which always contain the present values.
         self._xpos, self._xquat = data.xpos[body], data.xquat[body]
         self._xmat = data.xmat[body].reshape(3, 3)
         free = {base.body: base.dof for base in free_bodies(host.model)}
@@ -147,6 +150,7 @@ class _Base:
             self.linear, self.angular = self._qvel[:3] @ self._xmat, self._qvel[3:]
         else:
             model, data = self._host.model, self._host.data
+            # The Jacobian is computed from the poses and from the results of mj_comPos.
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacBody(model, data, self._jacobians[0], self._jacobians[1], self._body)
             self.linear, self.angular = self._jacobians @ data.qvel @ self._xmat

@@ -43,11 +43,11 @@ def test_a_drain_that_runs_out_of_time_leaves_the_rest_and_is_counted():
 def test_a_flood_has_one_line_in_the_log_for_each_span_and_a_few_slow_calls_have_none(caplog):
     inbox = Inbox()
     inbox.overruns += MIN_REPORTED_OVERRUNS - 1
-    inbox.report(100.0)
+    inbox.report_overruns(100.0)
     assert caplog.messages == []
     for second in range(30):
         inbox.overruns += MIN_REPORTED_OVERRUNS
-        inbox.report(101.0 + second)
+        inbox.report_overruns(101.0 + second)
     assert len(caplog.messages) == 30 / REPORT_INTERVAL
     assert "requests and messages arrive faster than they can be handled: 0 are waiting" in caplog.messages[0]
     assert caplog.messages[1].endswith("(9 more since the last line)")

@@ -127,7 +127,7 @@ def test_subscribing_to_the_odometry_does_not_change_the_motion():
 def test_odometry_may_start_at_zero_and_does_so_after_each_reset():
     world = world_of(PLANAR, body="base", origin="start")
     world.data.qpos[:3] = (1.0, 2.0, math.pi / 2)
-    world.simulation.positions_changed()
+    world.simulation.mark_poses_outdated()
     world.simulation.keep_as_initial()
     world.loop.reset(Reset())
     world.data.qvel[:3] = (0.0, 1.0, 0.5)
