@@ -108,7 +108,7 @@ class WorkerSpec:
         sync: Whether the loop takes no step after `submit` until the job is done (lockstep).
         priority: CPU priority of the process: `idle`, `low` or `normal`. In lockstep it is always normal.
         job_timeout: Maximum time of a job [s]; after it, the process is killed and restarted.
-        hold: Called with True when the loop must take no step, and with False when it may continue.
+        block_steps: Called with True when the loop must take no step, and with False when it may continue.
         on_ready: Called with the text that `Work.open` returned, each time the work has been opened.
         on_done: Called with each completed job and the return value of `perform`.
         on_lost: Called with the tasks that will not be performed, and the reason: the process died, `perform` raised
@@ -122,7 +122,7 @@ class WorkerSpec:
     sync: bool = False
     priority: Priority = "low"
     job_timeout: float = JOB_TIMEOUT
-    hold: Callable[[bool], None] = _ignore
+    block_steps: Callable[[bool], None] = _ignore
     on_ready: Callable[[str], None] = _ignore
     on_done: Callable[[Job, Any], None] = _ignore
     on_lost: Callable[[frozenset[str], str], None] = _ignore

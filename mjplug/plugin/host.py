@@ -1,8 +1,11 @@
-"""The interface of the server to one plugin instance, with the names of a ROS node's methods. Physics thread only."""
+"""The interface of the server to one plugin instance. Physics thread only.
+
+`WorldView` contains the simulated world, and `NodeView` names, topics, services and timers. This module adds
+updates before every step, velocities, controls, worker processes, diagnostics and changeable parameters.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from time import perf_counter
 from typing import Any, TypeVar
 
 import mujoco
@@ -12,36 +15,25 @@ from pydantic import BaseModel
 
 from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
-from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug.contracts.transport import Publisher, Transport
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
-from mjplug.errors import PluginError, RequestError, is_fault
-from mjplug.log import INSTANCES
-from mjplug.log_scope import logger_of_server
-from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
-from mjplug.physics.scheduler import Slow, Timer
+from mjplug.errors import RequestError, is_fault
+from mjplug.physics.loop import Loop
 from mjplug.physics.velocity import VelocityHold
-from mjplug.plugin.arrivals import Arrivals
-from mjplug.plugin.guard import Guard, Stepping
+from mjplug.plugin.guard import Stepping
+from mjplug.plugin.node_view import NodeView, Resolve
 from mjplug.plugin.parameters import Parameters
 from mjplug.plugin.stopwatch import Stopwatch
-from mjplug.plugin.world_view import WorldView
-from mjplug.throttle import Throttle
-from mjplug_schemas.errors import NameRuleError
-from mjplug_schemas.message import Message, Service
 
-M = TypeVar("M", bound=Message)
 P = TypeVar("P", bound=Parameters)
 
-Resolve = Callable[[str], str]
-"""Converts a name as a plugin writes it to the full ROS name."""
 
-
-class Host(WorldView):
+class Host(NodeView):
     """The server as one plugin instance uses it: topics, services, timers, workers, and the simulated world.
 
+    The public methods of the base classes are part of the plugin API too.
+
     Attributes:
-        name: The instance's name.
-        logger: Logger of the instance, named `mjplug.instance.<name>`.
         random: Random number generator of the instance, seeded with `sim.seed` and the instance's name.
 
     Args:
@@ -76,20 +68,21 @@ class Host(WorldView):
         frame_prefix: str = "",
         changeable: ChangeableParameters | None = None,
     ) -> None:
-        super().__init__(loop.simulation, model_file, folders)
-        self.name = name
-        self.logger = logger_of_server(f"{INSTANCES}.{name}")
+        super().__init__(
+            name,
+            loop,
+            transport,
+            resolve,
+            disable_on_error,
+            model_file,
+            folders,
+            stopwatch or Stopwatch(),
+            frame_prefix,
+        )
         self.random = np.random.default_rng([seed, *name.encode()])
-        self._stopwatch = stopwatch or Stopwatch()
-        self._loop = loop
-        self._transport = transport
-        self._resolve = resolve
-        self._frame_prefix = frame_prefix
         self._changeable = changeable or ChangeableParameters()
         self._workers = workers
         self._diagnostics = diagnostics
-        self._guard = Guard(name, self.logger, loop, self._stopwatch, disable_on_error)
-        self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
 
     @property
     def velocity_override(self) -> NDArray[np.float64]:
@@ -99,31 +92,6 @@ class Host(WorldView):
         """
         return self._loop.steppers.velocity_override
 
-    def full_name(self, name: str) -> str:
-        """Returns the full ROS name of a topic or service, after remapping.
-
-        Args:
-            name: The name, as for `create_publisher`.
-
-        Raises:
-            PluginError: The name is not a valid ROS name.
-        """
-        try:
-            return self._resolve(name)
-        except NameRuleError as error:
-            raise PluginError(str(error)) from error
-
-    def frame_id(self, name: str) -> str:
-        """Returns the name of a TF frame for messages, with `frame_prefix` before it.
-
-        Args:
-            name: Name of the frame, such as `base_link`. A leading `/` marks a frame that robots share; it gets no
-                prefix: `/map` becomes `map`. An empty name, for no frame, stays empty.
-        """
-        if name.startswith("/"):
-            return name.removeprefix("/")
-        return f"{self._frame_prefix}{name}" if name else ""
-
     def activate(self) -> None:
         """Starts the calls of `update` before every step. They cost speed, so call `deactivate` when idle."""
         self._guard.activate()
@@ -131,146 +99,6 @@ class Host(WorldView):
     def deactivate(self) -> None:
         """Stops the calls of `update`."""
         self._guard.deactivate()
-
-    def create_publisher(
-        self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
-    ) -> Publisher[M]:
-        """Declares a topic that the plugin publishes, and returns its publisher.
-
-        Args:
-            type: Message class.
-            name: `/absolute`; `{ns}/name`, which is `/<namespace>/name`; or relative (`name` and `~/name` mean the
-                same) to `/<namespace>/<instance>/`.
-            qos: Quality of service.
-            on_matched: Called each time the first subscriber appears.
-
-        Raises:
-            PluginError: The name is not a valid ROS name.
-        """
-        timers: list[Timer] = []
-
-        def matched() -> None:
-            for timer in timers:
-                self._loop.scheduler.wake(timer, self.step)
-            if on_matched is not None:
-                self._guard.guarded(on_matched)()
-
-        topic = Topic(self.full_name(name), type, qos)
-        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(matched))
-        self._timers_by_publisher[publisher] = timers
-        return publisher
-
-    def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
-        """Subscribes to a topic. The newest `qos.depth` messages since the last step are delivered.
-
-        Args:
-            type: Message class.
-            name: As for `create_publisher`.
-            callback: Called with each message, after the message was validated against its type. To refuse a message,
-                raise RequestError; its text is logged at most once a second. For any other exception, the
-                `on_plugin_error` policy applies.
-            qos: Quality of service. The default delivers only the newest message, which suits commands.
-
-        Raises:
-            PluginError: The name is not a valid ROS name.
-        """
-        topic = Topic(self.full_name(name), type, qos)
-        refusals = Throttle(WALL_TIMER_PERIOD)
-
-        def take(message: M) -> None:
-            try:
-                callback(message)
-            except RequestError as error:
-                if refusals.admit(perf_counter()):
-                    self.logger.warning(
-                        "topic %s: a message was refused: %s%s", topic.name, error, refusals.suppressed()
-                    )
-
-        arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
-        self._transport.open_subscription(topic, arrivals.deliver)
-
-    def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
-        """Declares a service.
-
-        Args:
-            type: Service class.
-            name: As for `create_publisher`.
-            handler: Called with the request and the call. It returns the response, or it is a generator that yields the
-                step numbers or events that it waits for and returns the response. The generator's `finally` blocks run
-                on completion, reset and shutdown. To refuse the request, raise RequestError before anything is applied.
-                A generator may respond early with `call.respond(…)`.
-
-        Raises:
-            PluginError: The name is not a valid ROS name.
-        """
-
-        def serve(call: Call) -> None:
-            if self._guard.disabled:
-                call.refuse(self._guard.disabled)
-            else:
-                began = perf_counter()
-                self._loop.serve(call, handler, owner=self._guard)
-                self._stopwatch.add(began)
-
-        self._transport.open_service(
-            ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
-        )
-
-    def create_timer(
-        self,
-        period: float,
-        callback: Callable[[], None],
-        while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
-    ) -> Timer:
-        """Calls a function periodically in simulated time, first after one period. A reset restarts the phase.
-
-        Args:
-            period: Period [s], positive; it need not be a multiple of the time step.
-            callback: Called on the physics thread.
-            while_matched: One or several publishers of this host. While none of them has a subscriber, the timer sleeps
-                at no cost.
-
-        Returns:
-            The timer; `cancel()` stops it.
-
-        Raises:
-            PluginError: The period is not a positive finite number, or a publisher is not from this host.
-        """
-        if not 0 < period < float("inf"):
-            raise PluginError(f"the timer period is {period} s; it must be positive and finite")
-        loop, simulation = self._loop, self._simulation
-        steps = simulation.time.steps_per(period)
-        if while_matched is None:
-            return loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step)
-        publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
-        if any(publisher not in self._timers_by_publisher for publisher in publishers):
-            raise PluginError("while_matched contains an object that is not a publisher of this plugin")
-        timer = loop.scheduler.every(
-            steps,
-            self._guard.guarded(callback),
-            simulation.step,
-            while_true=lambda: any(publisher.matched for publisher in publishers),
-        )
-        for publisher in publishers:
-            self._timers_by_publisher[publisher].append(timer)
-        return timer
-
-    def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
-        """Calls a function periodically in wall time, paused or not, at any speed.
-
-        Args:
-            period: Period [s]. The server checks wall timers once a second, so a shorter period means one second.
-            callback: Called on the physics thread.
-        """
-        due, guarded = 0.0, self._guard.guarded(callback)
-
-        def check(now: float) -> None:
-            nonlocal due
-            if now >= due:
-                due = now + period - 0.5 * WALL_TIMER_PERIOD
-                guarded()
-
-        self._loop.on_second.append(check)
 
     def create_velocity_hold(self, dofs: Sequence[int]) -> VelocityHold:
         """Returns a hold that sets the velocities of some degrees of freedom at every step without calls of `update`.
@@ -338,6 +166,7 @@ class Host(WorldView):
             on_done: Called with each completed job and the return value of `perform`.
             on_lost: Called with the tasks that will not be performed, and the reason.
         """
+        # While the token of a worker is in the loop's set, the loop takes no step.
         token, lockstep = object(), self._loop.lockstep
         spec = WorkerSpec(
             self.name,
@@ -347,7 +176,7 @@ class Host(WorldView):
             sync,
             priority,
             job_timeout,
-            lambda hold: lockstep.add(token) if hold else lockstep.discard(token),
+            lambda block: lockstep.add(token) if block else lockstep.discard(token),
             self._guard.guarded(on_ready or _nothing),
             self._guard.guarded(on_done or _nothing),
             self._guard.guarded(on_lost or _nothing),
@@ -396,7 +225,10 @@ class Host(WorldView):
         self._changeable.add(f"plugins.{self.name}.{name}", ParameterGroup[BaseModel](values, change))
 
     def attach(self, plugin: Stepping) -> None:
-        """Binds the plugin's `update` and `on_reset` to the loop. The server calls this once, before `init`."""
+        """Makes the loop call the plugin's `on_reset`, and its `update` while it is active.
+
+        The server calls this once, before `init`.
+        """
         self._guard.attach(plugin)
 
 

@@ -1,7 +1,7 @@
 """One server with everything that belongs to it: network, services, plugins and worker processes.
 
-Whoever opens it is its physics thread: `mjplug serve` in its main thread, and `mjplug.open_server` in a thread of its
-own or in the caller's.
+The thread that opens it is its physics thread: the main thread of `mjplug serve`; with `mjplug.open_server`, a thread
+of its own or the thread of the caller.
 """
 
 import logging

@@ -1,4 +1,8 @@
-"""A server inside a Python program: on a thread of its own, or stepped by its caller."""
+"""A server inside a Python program: run by a thread of its own, or stepped by the thread that opened it.
+
+The thread that takes the steps is the physics thread. With `run=True` it is a thread that `RunningServer` starts; with
+`run=False` it is the stepping thread: the thread of the program that opened the server and calls `step`.
+"""
 
 import atexit
 import os
@@ -20,7 +24,7 @@ from mjplug.server.prepared import Prepared
 from mjplug.server.whereabouts import whereabouts
 
 STOP_TIMEOUT = 10.0
-"""How long `RunningServer.stop` waits for the physics thread [s]."""
+"""Maximum time that `RunningServer.stop` waits for the physics thread to end [s]."""
 
 T = TypeVar("T")
 
@@ -38,8 +42,8 @@ class RunningServer:
     Args:
         prepared: Its configuration, model and plugins.
         scope: Which log lines belong to it.
-        run: As for `open_server`.
-        duration: As for `open_server`.
+        run: Whether a thread of its own runs the server; otherwise the caller steps it.
+        duration: Simulated time after which the server stops [s]; None means no limit. Only with `run`.
     """
 
     def __init__(self, prepared: Prepared, scope: LogScope, run: bool, duration: float | None) -> None:
@@ -50,20 +54,20 @@ class RunningServer:
         self._failure: BaseException | None = None
         self._raised = False
         self._stopped = False
-        self._stepper: threading.Thread | None = None
+        self._stepping_thread: threading.Thread | None = None
         self._thread: threading.Thread | None = None
         if run:
             self._opened = self._open_in_thread(duration)
         else:
-            self._stepper = threading.current_thread()
+            self._stepping_thread = threading.current_thread()
             self._opened = self._open()
         self.endpoint = self._opened.endpoint
-        # A Zenoh session that is open keeps the process from ending.
-        atexit.register(self._abandon)
+        # An open Zenoh session would prevent the end of the process.
+        atexit.register(self._stop_at_exit)
 
     @property
     def running(self) -> bool:
-        """Whether the server is open."""
+        """Whether the server is open: neither stopped nor, with `run=True`, ended by itself."""
         return not self._stopped and (self._thread is None or self._thread.is_alive())
 
     @property
@@ -73,32 +77,32 @@ class RunningServer:
 
     @property
     def model(self) -> mujoco.MjModel:
-        """The compiled model; only of a server that is stepped by its caller (`run=False`).
+        """The compiled model. Only with `run=False`.
 
         Raises:
             MjplugError: The model belongs to the physics thread.
         """
-        self._check_stepper("model")
+        self._check_stepping_thread("model")
         return self._prepared.simulation.model
 
     @property
     def data(self) -> mujoco.MjData:
-        """The state between two steps, to be read; only of a server that is stepped by its caller (`run=False`).
+        """The state between two steps, to be read. Only with `run=False`.
 
         Raises:
             MjplugError: The state belongs to the physics thread.
         """
-        self._check_stepper("data")
+        self._check_stepping_thread("data")
         return self._prepared.simulation.data
 
     def client(self, *, timeout: float = 5.0, config: str | os.PathLike[str] | None = None) -> Client:
         """Connects to the server; names with `~` are this server's.
 
-        If the server is stepped by its caller, a call of a service on the stepping thread serves requests until the
-        response comes. Messages arrive with the next `step`.
+        With `run=False`, a service call on the stepping thread handles requests until it gets the response. Messages of
+        the server's topics arrive with the next `step`.
 
         Args:
-            timeout: How long to wait for the connection [s].
+            timeout: Maximum time to wait for the connection [s].
             config: A Zenoh configuration file for the client: certificates, passwords and so on.
 
         Returns:
@@ -114,29 +118,29 @@ class RunningServer:
     def step(self, steps: int = 1) -> None:
         """Takes physics steps, as a request to `~/step_simulation` does. Only with `run=False`.
 
-        What other threads and clients have sent before is applied before the first step.
+        Requests and messages that clients sent before the call are applied before the first step.
 
         Args:
-            steps: How many. With 0, only the requests and messages that wait are handled.
+            steps: Number of steps. With 0, only the waiting requests and messages are handled.
 
         Raises:
             RequestError: The steps could not be taken, because the simulation diverged or a client resumed it; the
                 sentence says why, and how many were taken.
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
         """
-        self._check_stepper("step")
+        self._check_stepping_thread("step")
         if steps < 0:
             raise MjplugError(f"steps is {steps}; it must be at least 0")
         with self._scope.active():
-            self._noting(lambda: self._opened.step(steps))
+            self._keeping_failure(lambda: self._opened.step(steps))
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Waits until the server stops by itself; `stop` of another thread ends the wait too.
+        """Waits until the server stops by itself, or another thread calls `stop`.
 
-        If the server is stepped by its caller, it handles requests meanwhile, and takes the steps that clients ask for.
+        With `run=False`, this call handles requests in the meantime, and takes the steps that clients request.
 
         Args:
-            timeout: How long to wait [s]; None is for ever.
+            timeout: Maximum time to wait [s]; None means no limit.
 
         Returns:
             Whether the server has stopped.
@@ -150,15 +154,15 @@ class RunningServer:
                 return False
             self._raise_failure()
             return True
-        self._check_stepper("wait")
+        self._check_stepping_thread("wait")
         with self._scope.active():
-            return self._noting(lambda: self._opened.serve_for(timeout))
+            return self._keeping_failure(lambda: self._opened.serve_for(timeout))
 
     def stop(self) -> None:
         """Stops the server and closes its clients; a second call does nothing.
 
-        On another thread than the one that steps the server, and on the physics thread itself, it ends `wait` and
-        returns at once.
+        On another thread than the stepping thread (`run=False`), and on the physics thread itself (`run=True`), it only
+        asks the server to stop, and returns at once. A `wait` then ends.
 
         Raises:
             MjplugError: The server failed, and no other call has raised the error; or it does not stop.
@@ -196,7 +200,7 @@ class RunningServer:
 
     def _open_in_thread(self, duration: float | None) -> OpenedServer:
         opening: Future[OpenedServer] = Future()
-        # A daemon, since a program that does not stop the server must end all the same.
+        # A daemon thread, because a program that does not stop the server must end too.
         self._thread = threading.Thread(
             target=self._run, args=(opening, duration), name=f"mjplug {self.name}", daemon=True
         )
@@ -204,7 +208,7 @@ class RunningServer:
         try:
             return opening.result()
         except KeyboardInterrupt:
-            # Nobody gets the server, so it stops as soon as it is open.
+            # The caller does not get the server, so it stops as soon as it is open.
             opening.add_done_callback(_interrupt)
             raise
 
@@ -220,19 +224,20 @@ class RunningServer:
                 opening.set_result(opened)
                 opened.run(duration)
         except BaseException as error:
-            # For whoever waits for the server or stops it.
+            # The next call of `wait` or `stop` raises it.
             self._failure = error
 
     def _stop(self, at_exit: bool = False) -> None:
-        here, stepper = threading.current_thread(), self._stepper
-        if not self._stopped and (here is self._thread or (stepper not in (None, here) and not at_exit)):
-            # Plugins are cleaned up by the physics thread.
+        here, stepping_thread = threading.current_thread(), self._stepping_thread
+        on_other_thread = stepping_thread not in (None, here) and not at_exit
+        if not self._stopped and (here is self._thread or on_other_thread):
+            # The physics thread closes the server, so that plugins are cleaned up there.
             self._opened.interrupt()
             return
         if self._stopped:
             return
         self._stopped = True
-        atexit.unregister(self._abandon)
+        atexit.unregister(self._stop_at_exit)
         for client in self._clients:
             client.close()
         if self._thread is None:
@@ -245,12 +250,12 @@ class RunningServer:
             place = whereabouts(self._opened.server.plugins, self._thread)
             raise MjplugError(f"{self.name} does not stop within {STOP_TIMEOUT:g} s: {place} does not return")
 
-    def _abandon(self) -> None:
-        """Stops a server that the program has not stopped, at the end of the process."""
+    def _stop_at_exit(self) -> None:
+        """Stops the server at the end of the process, if the program has not stopped it."""
         self._stop(at_exit=True)
 
-    def _noting(self, act: Callable[[], T]) -> T:
-        """Does something on the stepping thread, and keeps the error if the server fails."""
+    def _keeping_failure(self, act: Callable[[], T]) -> T:
+        """Calls `act` on the stepping thread; if the server fails in it, keeps the error in `_failure`."""
         try:
             return act()
         except MjplugError as error:
@@ -263,16 +268,16 @@ class RunningServer:
             self._raised = True
             raise self._failure
 
-    def _check_stepper(self, what: str) -> None:
-        if self._stepper is None:
+    def _check_stepping_thread(self, what: str) -> None:
+        if self._stepping_thread is None:
             raise MjplugError(f"{what} needs run=False: the physics thread of {self.name} owns the state")
         if self._stopped:
             raise MjplugError(f"the server {self.name} has been stopped")
-        if self._stepper is not threading.current_thread():
+        if self._stepping_thread is not threading.current_thread():
             raise MjplugError(f"{what}: {self.name} belongs to the thread that opened it")
 
     def _serve_while(self, wait: Callable[[], T]) -> T:
-        """Runs something that waits for the server on another thread, and serves requests meanwhile."""
+        """Calls `wait`, which waits for the server, on another thread, and handles requests until it returns."""
         opened, result = self._opened, Future[T]()
 
         def run() -> None:
@@ -280,28 +285,28 @@ class RunningServer:
                 result.set_result(wait())
             except BaseException as error:
                 result.set_exception(error)
-            # Wakes the loop.
+            # Wakes the loop, so that it checks whether `result` is done.
             opened.server.loop.inbox.post(lambda: None)
 
         threading.Thread(target=run, name="mjplug call", daemon=True).start()
         with self._scope.active():
-            self._noting(lambda: opened.serve_until(result.done))
+            self._keeping_failure(lambda: opened.serve_until(result.done))
         return result.result()
 
     def _client_class(self) -> type[Client]:
-        stepper, serve_while = self._stepper, self._serve_while
-        if stepper is None:
+        stepping_thread, serve_while = self._stepping_thread, self._serve_while
+        if stepping_thread is None:
             return Client
 
-        class StepperClient(Client):
-            """Serves requests while the stepping thread waits for a response."""
+        class ServingClient(Client):
+            """Handles requests while the stepping thread waits for a response; otherwise it would wait for itself."""
 
             def call(self, *args: Any, **kwargs: Any) -> Any:
-                if threading.current_thread() is not stepper:
+                if threading.current_thread() is not stepping_thread:
                     return super().call(*args, **kwargs)
-                return serve_while(lambda: super(StepperClient, self).call(*args, **kwargs))
+                return serve_while(lambda: super(ServingClient, self).call(*args, **kwargs))
 
-        return StepperClient
+        return ServingClient
 
 
 def _interrupt(opening: "Future[OpenedServer]") -> None:

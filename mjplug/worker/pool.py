@@ -72,9 +72,9 @@ class ProcessWorkerPool:
         self._closing.set()
         for worker in self._workers:
             worker.request_stop()
-        until = monotonic() + _EXIT_GRACE
+        kill_at = monotonic() + _EXIT_GRACE
         for worker in self._workers:
-            worker.end(until, until + _KILL_WAIT)
+            worker.end(kill_at, kill_at + _KILL_WAIT)
         self._workers.clear()
         if self._checking is not None:
             self._checking.join()

@@ -1,4 +1,10 @@
-"""Supervises the worker process of one work: a thread starts it, reads its messages and restarts it."""
+"""Supervises the worker process of one work: starts it, sends it jobs, reads its messages, and restarts it.
+
+Three threads of the server take part:
+- The supervisor's own thread (`_supervise`) starts the process, reads its messages and restarts it.
+- The physics thread calls `submit`. Callbacks of the plugin are posted to it through the inbox.
+- The pool's thread calls `check` once a second.
+"""
 
 import logging
 import os
@@ -27,12 +33,13 @@ from mjplug.worker.states import SharedStates
 RESTART_DELAYS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)
 """Delays before the first, second, … restart of a process [s]; further restarts use the last one."""
 
-MATCH_WAIT, ANSWERED_MATCH_WAIT = 0.1, 5.0
-"""Maximum time to wait until the process has matched the same subscribers as the server [s]: for a stream, and for a
-job whose client gets a response.
+MATCH_WAIT, AWAITED_MATCH_WAIT = 0.1, 5.0
+"""Maximum time that the process waits before a job until it has matched the same subscribers as the server [s].
 
-It usually takes a millisecond, but seconds on a busy machine. A stream does not wait as long, because the subscriber
-may already be closed; a new subscriber may then miss one message.
+The first value is for a job that no client waits for, the second one for a job whose client gets a response. Zenoh
+matches the subscribers of the server and of the process independently, usually within a millisecond, but within seconds
+on a busy machine. The first value is short, because the subscriber may already be closed; a new subscriber may then
+miss one message.
 """
 
 STABLE_AFTER = 10.0
@@ -46,7 +53,7 @@ class _Run:
     Attributes:
         reason: Why the process ended.
         opened_at: Time by `monotonic` at which the work was opened [s]; None if it was not.
-        hung: Whether the process was killed because it hung.
+        hung: Whether the process was killed because it hung; see `HangDetector`.
         permanent: Whether another process in the same environment would fail too.
         lost: The tasks that were lost with the process.
     """
@@ -69,8 +76,8 @@ class WorkerSupervisor:
         simulation: The simulation whose state `submit` copies.
         inbox: The inbox of the physics thread, on which the callbacks of the spec run.
         model: The compiled model in the format of `mj_saveModel`.
-        setup: The pickled `ChildSetup`.
-        writers: The writers of the spec's publishers in the server's process.
+        setup: The pickled `ChildSetup`: the work, its publishers and the session settings.
+        writers: The Zenoh publishers of the spec's publishers in the server's process, one for each key.
     """
 
     def __init__(
@@ -93,11 +100,13 @@ class WorkerSupervisor:
         self._jobs = JobSlots(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
         self.status = WorkerStatus(dropped=self._jobs.dropped)
         self._closing = threading.Event()
-        self._guard = threading.Lock()
+        # Guards `_process`, `_detector`, `_hung` and `_ready`.
+        self._lock = threading.Lock()
         self._process: WorkerProcess | None = None
-        # Two threads change it, each time in one call, which is atomic in Python.
-        self._answered: set[str] = set()
+        # The tasks for which a client waits. Two threads change the set, each time in one atomic call.
+        self._awaited: set[str] = set()
         self._detector: HangDetector | None = None
+        # Why the process hung; empty if it did not.
         self._hung = ""
         self._ready = False
         self._thread = threading.Thread(target=bound(self._supervise), name=f"worker {spec.name}", daemon=True)
@@ -112,14 +121,14 @@ class WorkerSupervisor:
         """Submits a job with the current state; see `mjplug.contracts.work.Worker`."""
         simulation, names = self._simulation, frozenset(tasks)
         if answered:
-            self._answered.update(names)
+            self._awaited.update(names)
             for writer in self._writers:
                 writer.refresh_matched()
         if not self._jobs.put(simulation.time_ns, simulation.epoch, names):
             self._post_lost(names, self.status.reason)
         elif self._spec.sync:
             # This does not wait here: the loop takes no steps, but serves requests.
-            self._spec.hold(True)
+            self._spec.block_steps(True)
 
     def check(self, now: float) -> None:
         """Kills the process if it hangs; `_supervise` then restarts it.
@@ -127,7 +136,7 @@ class WorkerSupervisor:
         Args:
             now: Time by `monotonic` [s].
         """
-        with self._guard:
+        with self._lock:
             process, detector = self._process, self._detector
             if process is None or detector is None or self._hung:
                 return
@@ -142,7 +151,7 @@ class WorkerSupervisor:
         """Asks the process to end, and prevents a restart; a second call does nothing."""
         self._closing.set()
         self._jobs.close()
-        with self._guard:
+        with self._lock:
             if self._process is None:
                 return
             if self._ready:
@@ -150,17 +159,17 @@ class WorkerSupervisor:
             else:
                 self._process.kill()
 
-    def end(self, until: float, at_last: float) -> None:
+    def end(self, kill_at: float, give_up_at: float) -> None:
         """Waits until the process and its thread have ended; call `request_stop` first.
 
         Args:
-            until: Time by `monotonic` at which the process is killed [s].
-            at_last: Time by `monotonic` at which waiting ends [s].
+            kill_at: Time by `monotonic` at which the process is killed [s].
+            give_up_at: Time by `monotonic` at which waiting ends [s].
         """
-        self._thread.join(max(0.0, until - monotonic()))
+        self._thread.join(max(0.0, kill_at - monotonic()))
         if self._thread.is_alive():
             self._kill()
-            self._thread.join(max(0.0, at_last - monotonic()))
+            self._thread.join(max(0.0, give_up_at - monotonic()))
         if self._thread.is_alive():
             process = self._process
             self._logger.error(
@@ -196,34 +205,39 @@ class WorkerSupervisor:
             # A process that hung does not count as stable, because it may hang again and again.
             stable = run.opened_at is not None and not run.hung and monotonic() - run.opened_at > STABLE_AFTER
             opened_before |= run.opened_at is not None
+            # The delays grow with the failures in succession.
             failures = 1 if stable else failures + 1
-            pause = RESTART_DELAYS[min(failures, len(RESTART_DELAYS)) - 1]
+            delay = RESTART_DELAYS[min(failures, len(RESTART_DELAYS)) - 1]
             self._set_state("restarting", run.reason)
-            self._logger.error("the worker process failed: %s; it is restarted in %g s", run.reason, pause)
-            self._lose(lost, run.reason)
-            self._closing.wait(pause)
+            self._logger.error("the worker process failed: %s; it is restarted in %g s", run.reason, delay)
+            self._report_lost(lost, run.reason)
+            self._closing.wait(delay)
             self.status.restarts += 1
 
     def _try_environments(self) -> _Run:
         """Runs a process in one environment after the other, until one does not fail permanently; returns that run."""
         reasons: list[str] = []
         environments = self._spec.environments
-        for changes in environments:
-            run = self._run_process(changes)
+        for variables in environments:
+            run = self._run_process(variables)
             if not run.permanent or self._closing.is_set():
                 return run
-            named = ", ".join(f"{name}={value}" for name, value in changes.items() if value)
+            named = ", ".join(f"{name}={value}" for name, value in variables.items() if value)
             reasons.append(f"{named}: {run.reason}" if named and len(environments) > 1 else run.reason)
             self._logger.debug("not available: %s", reasons[-1])
         return _Run("; ".join(reasons), permanent=True)
 
-    def _run_process(self, changes: Mapping[str, str]) -> _Run:
-        """Runs one process from its start to its end."""
-        with self._guard:
+    def _run_process(self, variables: Mapping[str, str]) -> _Run:
+        """Runs one process from its start to its end.
+
+        Args:
+            variables: Environment variables that the process gets in addition; an empty value removes a variable.
+        """
+        with self._lock:
             if self._closing.is_set():
                 return _Run("the server is stopping")
             try:
-                process = self._process = WorkerProcess(changes, self._states.inherited)
+                process = self._process = WorkerProcess(variables, self._states.inherited)
             except OSError as error:
                 # Not permanent, because memory or processes may become available again.
                 return _Run(f"starting it failed: {error}")
@@ -236,7 +250,7 @@ class WorkerSupervisor:
             # First, because the file descriptor of the pipe may be reused as soon as it is closed.
             run.lost = self._jobs.disconnect(keep_waiting=True)
             ended = process.end()
-            with self._guard:
+            with self._lock:
                 self._process, self._ready = None, False
         if not run.reason:
             run.hung = bool(self._hung)
@@ -266,31 +280,31 @@ class WorkerSupervisor:
                 case logging.LogRecord():
                     self._log(message)
                 case Done(report):
-                    self._finish(report)
+                    self._handle_done(report)
                 case Ready(text):
                     run.opened_at = monotonic()
-                    self._open(process, text)
+                    self._handle_ready(process, text)
                 case Failed(reason, permanent):
                     run.reason, run.permanent = reason, permanent
 
-    def _open(self, process: WorkerProcess, text: str) -> None:
-        with self._guard:
+    def _handle_ready(self, process: WorkerProcess, text: str) -> None:
+        with self._lock:
             self._ready = True
         self._set_state("running", "")
         self._inbox.post(partial(self._spec.on_ready, text))
-        writers, answered = self._writers, self._answered
+        writers, awaited = self._writers, self._awaited
 
         def send(slot: int, job: Job) -> bool:
-            lag = MATCH_WAIT if answered.isdisjoint(job.tasks) else ANSWERED_MATCH_WAIT
-            return process.perform(slot, job, [writer.matched for writer in writers], lag)
+            match_wait = MATCH_WAIT if awaited.isdisjoint(job.tasks) else AWAITED_MATCH_WAIT
+            return process.perform(slot, job, [writer.matched for writer in writers], match_wait)
 
         self._jobs.connect(send)
 
-    def _finish(self, report: Any) -> None:
+    def _handle_done(self, report: Any) -> None:
         job = self._jobs.finish()
         if job is not None:
             self.status.performed += 1
-            self._answered.difference_update(job.tasks)
+            self._awaited.difference_update(job.tasks)
             self._inbox.post(partial(self._spec.on_done, job, report))
         self._resume_if_settled()
 
@@ -304,7 +318,7 @@ class WorkerSupervisor:
         self._post_lost(self._jobs.close(), reason)
         self._resume_if_settled()
 
-    def _lose(self, tasks: frozenset[str], reason: str) -> None:
+    def _report_lost(self, tasks: frozenset[str], reason: str) -> None:
         if tasks:
             self._post_lost(tasks, reason)
         self._resume_if_settled()
@@ -312,20 +326,21 @@ class WorkerSupervisor:
     def _resume_if_settled(self) -> None:
         """Lets the loop continue if no job is left, after the callbacks that were posted before."""
         if self._spec.sync:
-            self._inbox.post(self._release_hold)
+            self._inbox.post(self._unblock_steps)
 
-    def _release_hold(self) -> None:
+    def _unblock_steps(self) -> None:
+        # Checked on the physics thread, because it may have submitted another job in the meantime.
         if self._jobs.settled:
-            self._spec.hold(False)
+            self._spec.block_steps(False)
 
     def _post_lost(self, tasks: frozenset[str], reason: str) -> None:
-        self._answered.difference_update(tasks)
+        self._awaited.difference_update(tasks)
         self._inbox.post(partial(self._spec.on_lost, tasks, reason))
 
     def _set_state(self, state: str, reason: str) -> None:
         self.status.state, self.status.reason = state, reason
 
     def _kill(self) -> None:
-        with self._guard:
+        with self._lock:
             if self._process is not None:
                 self._process.kill()

@@ -22,6 +22,7 @@ from mjplug.config.settings import PluginEntry, Settings
 from mjplug.model.location import SUFFIXES, bundled_models
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host, Plugin, registry
+from mjplug.plugin.node_view import NodeView
 from mjplug.plugin.selection import Selected
 from mjplug.plugin.world_view import WorldView
 from mjplug.server.offline import OfflineWorkerPool
@@ -272,7 +273,7 @@ def test_every_method_of_the_host_is_described_with_its_arguments():
     assert properties <= set(table)
     instance = re.findall(
         r"^        self\.([a-z]\w*)\b",
-        inspect.getsource(WorldView.__init__) + inspect.getsource(Host.__init__),
+        "".join(inspect.getsource(kind.__init__) for kind in (WorldView, NodeView, Host)),
         re.MULTILINE,
     )
     assert {*instance} <= set(table)

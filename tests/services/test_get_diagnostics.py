@@ -26,7 +26,7 @@ def clock(monkeypatch):
     clock = WallClock()
     for module in (
         "mjplug.services.diagnostics",
-        "mjplug.plugin.host",
+        "mjplug.plugin.node_view",
         "mjplug.plugin.guard",
         "mjplug.plugin.stopwatch",
     ):

@@ -36,7 +36,7 @@ class Ordered:
             on_ready=self.ready.append,
             on_done=lambda job, report: self.done.append((job, report)),
             on_lost=lambda tasks, reason: self.lost.append((set(tasks), reason)),
-            hold=self._hold,
+            block_steps=self._hold,
             **options,
         )
         self.worker = server.workers.start(spec, server.simulation, server.inbox)

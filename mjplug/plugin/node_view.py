@@ -1,0 +1,241 @@
+"""The part of the host that corresponds to a ROS node: names, topics, services and timers. Physics thread only."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any, TypeVar
+
+from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug.errors import PluginError, RequestError
+from mjplug.log import INSTANCES
+from mjplug.log_scope import logger_of_server
+from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
+from mjplug.physics.scheduler import Slow, Timer
+from mjplug.plugin.arrivals import Arrivals
+from mjplug.plugin.guard import Guard
+from mjplug.plugin.stopwatch import Stopwatch
+from mjplug.plugin.world_view import WorldView
+from mjplug.throttle import Throttle
+from mjplug_schemas.errors import NameRuleError
+from mjplug_schemas.message import Message, Service
+
+M = TypeVar("M", bound=Message)
+
+Resolve = Callable[[str], str]
+"""Converts a name as a plugin writes it to the full ROS name."""
+
+REFUSAL_LOG_INTERVAL = 1.0
+"""Minimum wall time between two log lines about refused messages of one topic [s]."""
+
+
+class NodeView(WorldView):
+    """The server as a ROS node of one plugin instance. The methods have the names of the methods of a ROS node.
+
+    Callbacks run on the physics thread, between two steps, under the instance's `Guard`: it measures their time and
+    handles their exceptions.
+
+    Attributes:
+        name: The instance's name.
+        logger: Logger of the instance, named `mjplug.instance.<name>`.
+
+    Args:
+        name: The instance's name.
+        loop: The physics loop.
+        transport: Declares topics and services.
+        resolve: Converts names of topics and services to full ROS names.
+        disable_on_error: Whether an exception in the plugin disables the instance instead of stopping the server.
+        model_file: The model's file.
+        folders: Folders in which relative file names of parameters are searched, in this order.
+        stopwatch: Measures the time that the plugin takes.
+        frame_prefix: Prefix of the TF frames in the plugin's messages, such as `robot1/`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        loop: Loop,
+        transport: Transport,
+        resolve: Resolve,
+        disable_on_error: bool,
+        model_file: Path | None,
+        folders: Sequence[Path],
+        stopwatch: Stopwatch,
+        frame_prefix: str,
+    ) -> None:
+        super().__init__(loop.simulation, model_file, folders)
+        self.name = name
+        self.logger = logger_of_server(f"{INSTANCES}.{name}")
+        self._loop = loop
+        self._transport = transport
+        self._resolve = resolve
+        self._frame_prefix = frame_prefix
+        self._stopwatch = stopwatch
+        self._guard = Guard(name, self.logger, loop, stopwatch, disable_on_error)
+        # The timers that sleep while none of their publishers has a subscriber.
+        self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
+
+    def full_name(self, name: str) -> str:
+        """Returns the full ROS name of a topic or service, after remapping.
+
+        Args:
+            name: The name, as for `create_publisher`.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
+        """
+        try:
+            return self._resolve(name)
+        except NameRuleError as error:
+            raise PluginError(str(error)) from error
+
+    def frame_id(self, name: str) -> str:
+        """Returns the name of a TF frame for messages, with `frame_prefix` before it.
+
+        Args:
+            name: Name of the frame, such as `base_link`. A leading `/` marks a frame that robots share; it gets no
+                prefix: `/map` becomes `map`. An empty name, for no frame, stays empty.
+        """
+        if name.startswith("/"):
+            return name.removeprefix("/")
+        return f"{self._frame_prefix}{name}" if name else ""
+
+    def create_publisher(
+        self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
+    ) -> Publisher[M]:
+        """Declares a topic that the plugin publishes, and returns its publisher.
+
+        Args:
+            type: Message class.
+            name: `/absolute`; `{ns}/name`, which is `/<namespace>/name`; or relative (`name` and `~/name` mean the
+                same) to `/<namespace>/<instance>/`.
+            qos: Quality of service.
+            on_matched: Called each time the first subscriber appears.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
+        """
+        timers: list[Timer] = []
+
+        def wake_timers() -> None:
+            for timer in timers:
+                self._loop.scheduler.wake(timer, self.step)
+            if on_matched is not None:
+                self._guard.guarded(on_matched)()
+
+        topic = Topic(self.full_name(name), type, qos)
+        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(wake_timers))
+        self._timers_by_publisher[publisher] = timers
+        return publisher
+
+    def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
+        """Subscribes to a topic. The newest `qos.depth` messages since the last step are delivered.
+
+        Args:
+            type: Message class.
+            name: As for `create_publisher`.
+            callback: Called with each message, after the message was validated against its type. To refuse a message,
+                raise RequestError; its text is logged at most once a second. For any other exception, the
+                `on_plugin_error` policy applies.
+            qos: Quality of service. The default delivers only the newest message, which suits commands.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
+        """
+        topic = Topic(self.full_name(name), type, qos)
+        refusals = Throttle(REFUSAL_LOG_INTERVAL)
+
+        def take(message: M) -> None:
+            try:
+                callback(message)
+            except RequestError as error:
+                if refusals.admit(perf_counter()):
+                    self.logger.warning(
+                        "topic %s: a message was refused: %s%s", topic.name, error, refusals.suppressed()
+                    )
+
+        arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
+        self._transport.open_subscription(topic, arrivals.deliver)
+
+    def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
+        """Declares a service.
+
+        Args:
+            type: Service class.
+            name: As for `create_publisher`.
+            handler: Called with the request and the call. It returns the response, or it is a generator that yields the
+                step numbers or events that it waits for and returns the response. The generator's `finally` blocks run
+                on completion, reset and shutdown. To refuse the request, raise RequestError before anything is applied.
+                A generator may respond early with `call.respond(…)`.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
+        """
+
+        def serve(call: Call) -> None:
+            if self._guard.disabled:
+                call.refuse(self._guard.disabled)
+            else:
+                began = perf_counter()
+                self._loop.serve(call, handler, owner=self._guard)
+                self._stopwatch.add(began)
+
+        self._transport.open_service(
+            ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
+        )
+
+    def create_timer(
+        self,
+        period: float,
+        callback: Callable[[], None],
+        while_matched: Publisher[Any] | Sequence[Publisher[Any]] | None = None,
+    ) -> Timer:
+        """Calls a function periodically in simulated time, first after one period. A reset restarts the phase.
+
+        Args:
+            period: Period [s], positive; it need not be a multiple of the time step.
+            callback: Called on the physics thread.
+            while_matched: One or several publishers of this host. While none of them has a subscriber, the timer sleeps
+                at no cost.
+
+        Returns:
+            The timer; `cancel()` stops it.
+
+        Raises:
+            PluginError: The period is not a positive finite number, or a publisher is not from this host.
+        """
+        if not 0 < period < float("inf"):
+            raise PluginError(f"the timer period is {period} s; it must be positive and finite")
+        loop, simulation = self._loop, self._simulation
+        steps = simulation.time.steps_per(period)
+        if while_matched is None:
+            return loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step)
+        publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
+        if any(publisher not in self._timers_by_publisher for publisher in publishers):
+            raise PluginError("while_matched contains an object that is not a publisher of this plugin")
+        timer = loop.scheduler.every(
+            steps,
+            self._guard.guarded(callback),
+            simulation.step,
+            while_true=lambda: any(publisher.matched for publisher in publishers),
+        )
+        for publisher in publishers:
+            self._timers_by_publisher[publisher].append(timer)
+        return timer
+
+    def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
+        """Calls a function periodically in wall time, paused or not, at any speed.
+
+        Args:
+            period: Period [s]. The server checks wall timers once a second, so a shorter period means one second.
+            callback: Called on the physics thread.
+        """
+        due, guarded = 0.0, self._guard.guarded(callback)
+
+        def check(now: float) -> None:
+            nonlocal due
+            if now >= due:
+                # Half a check earlier, so that a check that comes slightly early is not missed.
+                due = now + period - 0.5 * WALL_TIMER_PERIOD
+                guarded()
+
+        self._loop.on_second.append(check)
