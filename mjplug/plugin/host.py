@@ -199,7 +199,7 @@ class Host(NodeView):
     def create_parameters(self, name: str, values: P, on_change: Callable[[P], None]) -> None:
         """Declares parameters that clients can change while the server runs, for example with `ros2 param set`.
 
-        They are the numbers, texts and truth values among the fields of `values`. The full name of each is
+        They are the numbers, strings and booleans among the fields of `values`. The full name of each is
         `plugins.<instance>.<name>.<field>`, as in the configuration file.
 
         Args:
