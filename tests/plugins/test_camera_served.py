@@ -162,7 +162,8 @@ def test_without_opengl_the_server_runs_on_and_refuses_triggers(serve):
     # As where the driver is missing.
     server = serve("eye: {policy: polled}", {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_DIRS": "/nowhere"})
     server.err.wait_for(
-        "the work is unavailable on this machine: .* EGL .apt-get install libegl1 libgl1.*; the server continues without it",
+        "the work is unavailable on this machine: .* EGL .apt-get install libegl1 libgl1.*; "
+        "the server continues without it",
         STARTING,
     )
     with Client(server.endpoint) as client:
