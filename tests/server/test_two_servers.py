@@ -186,8 +186,9 @@ def test_in_any_order_of_stopping_the_process_is_as_before(run, monkeypatch):
     before_mujoco = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(theirs)
     try:
-        # Loads what is loaded once.
+        # Zenoh starts some of its thread pools, which stay open, with the first connection of the process.
         for server in talkers(run):
+            server.client().call("~/get_diagnostics")
             server.stop()
         before, files = process_state(), open_files()
         for order in (1, -1):
