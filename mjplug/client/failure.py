@@ -49,6 +49,10 @@ def examine(endpoint: str, allowed: float, timed_out: bool) -> Failure:
         return Failure(f"connection refused by {endpoint}: no mjplug server listens there; {_way_out(endpoint)}")
     except TimeoutError:
         return Failure(f"{silent}: its machine is off or not reachable, or a firewall drops the connection", True)
+    except UnicodeError:
+        return Failure(
+            f"cannot connect to {endpoint}: {match['host']!r} is not a valid host name; {_way_out(endpoint)}"
+        )
     except OSError as error:
         return Failure(f"cannot connect to {endpoint}: {error.strerror or error}; {_way_out(endpoint)}")
     if timed_out:

@@ -37,8 +37,7 @@ def draft_of(
 ) -> tuple[Draft, Classes]:
     """Returns the configuration that the arguments of `open_server` describe, and the plugin classes among them.
 
-    Where neither the configuration nor an argument says how to get onto a network, the server listens on a free port of
-    127.0.0.1.
+    If neither the configuration nor an argument sets the network, the server listens on a free port of 127.0.0.1.
 
     Raises:
         ConfigError: The configuration cannot be read.
@@ -52,7 +51,7 @@ def draft_of(
         "sim.keyframe": ("keyframe", keyframe),
         "zenoh.listen": ("listen", [listen] if isinstance(listen, str) else listen),
         "zenoh.connect": ("connect", [connect] if isinstance(connect, str) else connect),
-        # Absolute, since a name in the configuration counts from the folder of its file.
+        # Absolute, because a relative path in the configuration is relative to the folder of its file.
         "zenoh.config": ("zenoh_config", None if zenoh_config is None else str(Path(zenoh_config).absolute())),
     }
     given += [
@@ -70,16 +69,21 @@ def draft_of(
 def _plugin_settings(
     plugins: PluginEntries | Iterable[str], classes: dict[str, type[Plugin[Any]]]
 ) -> Iterable[Setting]:
-    """Yields the settings that add plugins; a class gets a name in `classes` that stands for it."""
+    """Yields the settings that add plugins; a class gets a name in `classes` that refers to it."""
     if isinstance(plugins, str):
         plugins = [plugins]
     if not isinstance(plugins, Mapping):
         # An instance is named after its type, as with `--plugin`.
         kinds = [*plugins]
+        if any(not isinstance(kind, str) for kind in kinds):
+            source = Source(f"plugins={kinds!r}")
+            raise ConfigError(
+                [Problem("a list contains types as text; give a class a name: {NAME: CLASS}", Mark(source))]
+            )
         plugins = {kind.replace(":", "/").rpartition("/")[2]: kind for kind in kinds}
         if len(plugins) < len(kinds):
             source = Source(f"plugins={kinds!r}")
-            raise ConfigError([Problem("two plugins have one name; give names: {NAME: TYPE}", Mark(source))])
+            raise ConfigError([Problem("two plugins have the same name; give each one a name: {NAME: TYPE}", Mark(source))])
     for name, entry in plugins.items():
         if "." in name:
             source = Source(f"plugins={{{name!r}: ...}}")

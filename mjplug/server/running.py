@@ -10,8 +10,10 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
+from numbers import Integral
 from types import TracebackType
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 import mujoco
 
@@ -50,7 +52,7 @@ class RunningServer:
         self.name = prepared.name
         self._prepared = prepared
         self._scope = scope
-        self._clients: list[Client] = []
+        self._clients: WeakSet[Client] = WeakSet()
         self._failure: BaseException | None = None
         self._raised = False
         self._stopped = False
@@ -112,7 +114,7 @@ class RunningServer:
             NoServerError: The server has stopped, or does not let the client in.
         """
         client = open_client(self.endpoint, self.name, Timeouts(timeout, timeout), config, self._client_class())
-        self._clients.append(client)
+        self._clients.add(client)
         return client
 
     def step(self, steps: int = 1) -> None:
@@ -129,10 +131,11 @@ class RunningServer:
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
         """
         self._check_stepping_thread("step")
-        if steps < 0:
-            raise MjplugError(f"steps is {steps}; it must be at least 0")
+        # The largest number of a request.
+        if not (isinstance(steps, Integral) and 0 <= steps < 2**32):
+            raise MjplugError(f"steps is {steps}; it must be an integer from 0 to {2**32 - 1}")
         with self._scope.active():
-            self._keeping_failure(lambda: self._opened.step(steps))
+            self._keeping_failure(lambda: self._opened.step(int(steps)))
 
     def wait(self, timeout: float | None = None) -> bool:
         """Waits until the server stops by itself, or another thread calls `stop`.
@@ -238,7 +241,7 @@ class RunningServer:
             return
         self._stopped = True
         atexit.unregister(self._stop_at_exit)
-        for client in self._clients:
+        for client in list(self._clients):
             client.close()
         if self._thread is None:
             with self._scope.active():

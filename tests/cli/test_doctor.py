@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError
 import pytest
 from cli.tour import typed
 
+from mjplug import open_server
 from mjplug.cli.doctor.environment import check_environment
 from mjplug.cli.doctor.graphics import check_graphics, draw
 from mjplug.cli.doctor.network import check_network
@@ -132,9 +133,22 @@ def test_a_free_port_and_a_running_server_are_both_fine(tour):
 def test_a_program_in_the_way_is_an_error_with_the_way_around():
     with socket.create_server(("127.0.0.1", 0)) as other:
         (finding,) = check_network(f"tcp/127.0.0.1:{other.getsockname()[1]}")
-    assert (finding.level, finding.fix.startswith("end it, or serve with --listen")) == ("error", True)
+    assert (finding.level, "end it, or serve with --listen" in finding.fix) == ("error", True)
+    assert "did not answer within 1 s, but accepts connections" in finding.message
     (finding,) = check_network("nonsense")
-    assert "is no Zenoh endpoint" in finding.message or finding.level == "error"
+    assert "is no Zenoh endpoint" in finding.message
+    (finding,) = check_network("tcp/robot..lab:7447")
+    assert finding.level == "ok"
+
+
+def test_a_server_that_needs_a_password_is_not_taken_for_another_program(tmp_path):
+    (tmp_path / "users.txt").write_text("alice:secret\n")
+    settings = {"dictionary_file": "users.txt", "user": "server", "password": "own"}
+    (tmp_path / "server.json5").write_text(json.dumps({"transport": {"auth": {"usrpwd": settings}}}))
+    with open_server("bundled:box", zenoh_config=tmp_path / "server.json5", listen="tcp/127.0.0.1:0") as server:
+        (finding,) = check_network(server.endpoint)
+    assert finding.level == "error"
+    assert "accepts connections, but not this client: it may need a certificate or password" in finding.message
 
 
 def test_a_server_is_opened_for_a_moment_and_asked_for_steps(monkeypatch):

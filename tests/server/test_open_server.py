@@ -1,9 +1,11 @@
 """`mjplug.open_server`: a server in this program, on its own thread or stepped by the caller."""
 
+import gc
 import subprocess
 import sys
 import textwrap
 import threading
+import weakref
 
 import mujoco
 import numpy as np
@@ -153,7 +155,8 @@ def test_every_call_of_a_plugin_comes_on_the_thread_that_started_it(run):
         ({"settings": {"sim.sped": 2}}, r"settings\['sim.sped'\]=2: error: .*did you mean 'speed'"),
         ({"settings": {"sim.": 2}}, r"'sim.' is not the name of a setting"),
         ({"plugins": {"beat": "hartbeat"}}, r"plugins={'beat': 'hartbeat'}: .*did you mean 'heartbeat'"),
-        ({"plugins": ["heartbeat", "heartbeat"]}, "two plugins have one name"),
+        ({"plugins": ["heartbeat", "heartbeat"]}, "two plugins have the same name"),
+        ({"plugins": [Echo]}, "give a class a name: {NAME: CLASS}"),
         ({"plugins": {"a.b": "heartbeat"}}, "a plugin instance's name consists of"),
         ({"settings": {"sim.seed": {1}}}, r"\{1\} is a set; a configuration contains"),
         ({"model": "bundled:arm"}, "is a model, and --model bundled:arm is another one"),
@@ -242,8 +245,10 @@ def test_only_the_thread_that_opened_a_stepped_server_steps_it(arm):
         thread.start()
         thread.join()
         assert errors == ["step: /mjplug belongs to the thread that opened it"]
-        with pytest.raises(MjplugError, match="steps is -1; it must be at least 0"):
-            server.step(-1)
+        for steps in (-1, 2**32, 1.5):
+            with pytest.raises(MjplugError, match=f"steps is {steps}; it must be an integer from 0 to 4294967295"):
+                server.step(steps)
+        server.step(np.int64(0))
         assert server.time_ns == 0
     with pytest.raises(MjplugError, match="the server /mjplug has been stopped"):
         server.step()
@@ -341,6 +346,14 @@ def test_a_failure_of_a_stepped_server_is_raised_by_the_step():
             server.client().call("~/set_pause", paused=True)
         with pytest.raises(PluginError, match="plugin echo failed"):
             server.step()
+
+
+def test_clients_that_were_closed_are_not_kept():
+    with open_server("bundled:box") as server:
+        client = weakref.ref(server.client())
+        client().close()
+        gc.collect()
+        assert client() is None
 
 
 def test_a_plugin_may_stop_the_server_from_the_physics_thread():

@@ -1,4 +1,4 @@
-"""Who listens where servers listen."""
+"""Finds out which program uses the endpoint of a server."""
 
 import re
 import socket
@@ -13,10 +13,10 @@ _CONNECT_TIMEOUT = 1.0
 
 
 def check_network(endpoint: str) -> Iterator[Finding]:
-    """Yields what there is to say about the endpoint where a server would listen, or where one should be.
+    """Yields what is found at the endpoint where a server listens or will listen.
 
     Args:
-        endpoint: Such as `tcp/127.0.0.1:7447`.
+        endpoint: The Zenoh endpoint, such as `tcp/127.0.0.1:7447`.
     """
     from mjplug.client import ClientError, NoServerError, connect
 
@@ -33,8 +33,8 @@ def check_network(endpoint: str) -> Iterator[Finding]:
             yield Finding(
                 _TOPIC,
                 "error",
-                f"a program that does not speak Zenoh listens on {endpoint}",
-                "end it, or serve with --listen tcp/127.0.0.1:0 for any free port",
+                str(error),
+                "if another program has the port: end it, or serve with --listen tcp/127.0.0.1:0 for any free port",
             )
     except ClientError as error:
         yield Finding(_TOPIC, "error", str(error))
@@ -52,18 +52,19 @@ def _another_version(name: str, there: str) -> Iterator[Finding]:
         yield Finding(
             _TOPIC,
             "warning",
-            f"server {name} is of mjplug {there}, this command of {here}",
-            f"pip install mjplug=={there}, here or there",
+            f"server {name} runs mjplug {there}, but this command is mjplug {here}",
+            f"install the same version in both places, for instance here: pip install mjplug=={there}",
         )
 
 
 def listens(endpoint: str) -> bool:
-    """Whether a program accepts connections at an endpoint; true of those where only Zenoh itself can tell."""
+    """Returns whether a program accepts connections at an endpoint; True for protocols other than TCP and TLS."""
     address = _ADDRESS.match(endpoint)
     if address is None:
         return True
     try:
         with socket.create_connection((address["host"].strip("[]"), int(address["port"])), _CONNECT_TIMEOUT):
             return True
-    except OSError:
+    except (OSError, UnicodeError):
+        # A name with an empty or a long label is a UnicodeError.
         return False
