@@ -85,7 +85,7 @@ class Sim(Section):
     plugin_libraries: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="Libraries with plugins of the MuJoCo engine, loaded before the model; they run native code."
     )
-    seed: int = Field(0, ge=0, description="Seed of all random numbers.")
+    seed: int = Field(0, ge=0, lt=1 << 63, description="Seed of all random numbers.")
     clock_rate: float = Field(100.0, gt=0, description="Rate of `/clock` [Hz of simulated time].")
     on_divergence: Literal["pause", "reset", "stop"] = Field(
         "pause", description="Reaction when the state becomes NaN or infinite, or grows above 1e10."

@@ -11,6 +11,8 @@ P = TypeVar("P", bound=BaseModel)
 
 Scalar = bool | int | float | str
 
+_TYPES = (bool, int, float, str)
+
 
 class ParameterGroup(Generic[P]):
     """Parameters that are validated and applied together: the plain fields of a pydantic model.
@@ -34,7 +36,8 @@ class ParameterGroup(Generic[P]):
         return {
             name: field.description or ""
             for name, field in fields.items()
-            if isinstance(getattr(self.current, name), Scalar)
+            # Not subclasses such as enumerations, which strict validation would not accept as text.
+            if type(getattr(self.current, name)) in _TYPES
         }
 
     def read(self, name: str) -> Scalar:
@@ -42,8 +45,12 @@ class ParameterGroup(Generic[P]):
         value: Scalar = getattr(self.current, name)
         return value
 
-    def checked(self, changes: Mapping[str, Scalar | None]) -> P:
+    def checked(self, name: str, changes: Mapping[str, Scalar | None]) -> P:
         """Returns the values with some of them changed; nothing is applied.
+
+        Args:
+            name: The full name of the group, for the error message.
+            changes: The new values by the names of the parameters.
 
         Raises:
             RequestError: The values are not valid, by themselves or together.
@@ -52,10 +59,10 @@ class ParameterGroup(Generic[P]):
             return type(self.current).model_validate({**self.current.model_dump(), **changes})
         except ValidationError as error:
             messages = [
-                f"{'.'.join(map(str, details['loc']))}: {details['msg'].removeprefix('Value error, ')}"
+                f"{'.'.join((name, *map(str, details['loc'])))}: {details['msg'].removeprefix('Value error, ')}"
                 for details in error.errors(include_url=False)
             ]
-            raise RequestError("; ".join(messages)) from None
+            raise RequestError(f"parameter {'; '.join(messages)}") from None
 
     def apply(self, values: P) -> None:
         """Puts values into effect.
@@ -77,7 +84,7 @@ class ChangeableParameters:
         self.groups: dict[str, ParameterGroup[BaseModel]] = {}
 
     def add(self, name: str, group: ParameterGroup[BaseModel]) -> None:
-        """Adds a group; a second one of the same name replaces it."""
+        """Adds a group, whose name must be new."""
         self.groups[name] = group
 
     def change(self, changes: Mapping[str, Mapping[str, Scalar | None]]) -> None:
@@ -92,10 +99,7 @@ class ChangeableParameters:
         planned = []
         for name, values in changes.items():
             group = self.groups[name]
-            try:
-                planned.append((name, group, group.current, group.checked(values)))
-            except RequestError as error:
-                raise RequestError(f"parameter {name}.{error}") from None
+            planned.append((name, group, group.current, group.checked(name, values)))
         applied: list[tuple[ParameterGroup[BaseModel], BaseModel]] = []
         for name, group, before, after in planned:
             try:

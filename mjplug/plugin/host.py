@@ -203,11 +203,18 @@ class Host(NodeView):
         `plugins.<instance>.<name>.<field>`, as in the configuration file.
 
         Args:
-            name: Name of the group, such as `pid_gains.position.joint1`.
+            name: Name of the group, such as `pid_gains.position.joint1`. If empty, the full names are
+                `plugins.<instance>.<field>`.
             values: The values at the start.
             on_change: Called between two steps with new values that are valid for the class of `values`. It applies
                 them. To refuse them, raise RequestError before anything has been applied.
+
+        Raises:
+            PluginError: The plugin has already declared a group of this name.
         """
+        group = f"plugins.{self.name}.{name}" if name else f"plugins.{self.name}"
+        if group in self._changeable.groups:
+            raise PluginError(f"the parameters {group} are declared twice")
 
         def change(new: Any) -> None:
             if self._guard.disabled:
@@ -222,7 +229,7 @@ class Host(NodeView):
                 self._guard.fail(error)
                 raise RequestError(f"plugin {self.name} failed: {error!r}") from error
 
-        self._changeable.add(f"plugins.{self.name}.{name}", ParameterGroup[BaseModel](values, change))
+        self._changeable.add(group, ParameterGroup[BaseModel](values, change))
 
     def attach(self, plugin: Stepping) -> None:
         """Makes the loop call the plugin's `on_reset`, and its `update` while it is active.

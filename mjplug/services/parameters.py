@@ -1,13 +1,13 @@
 """The server's parameters, served by the six parameter services of a ROS 2 node, for tools such as `ros2 param`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 from mjplug.config.settings import Settings
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup, Scalar
-from mjplug.errors import RequestError, did_you_mean, quoted
+from mjplug.errors import RequestError, UnknownName, quoted
 from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug.near_names import Names
 from mjplug.physics.loop import Loop
@@ -30,6 +30,10 @@ from mjplug_schemas.rcl_interfaces import (
 )
 
 Apply = Callable[[], None]
+
+MAX_NAMES = 1000
+"""Maximum number of names in a request, unless the server has more parameters: each takes time on the physics thread.
+"""
 
 _NOT_SET = ParameterValue()
 _FIELDS: Final[dict[type[Any], tuple[int, str]]] = {
@@ -130,21 +134,26 @@ class ParameterServices:
         }
 
     def _describe(self, request: DescribeParameters.Request) -> DescribeParameters.Response:
+        self._check_count(request.names)
         return DescribeParameters.Response(descriptors=tuple(map(self._descriptor, request.names)))
 
     def _get(self, request: GetParameters.Request) -> GetParameters.Response:
+        self._check_count(request.names)
         return GetParameters.Response(values=tuple(map(self._value, request.names)))
 
     def _types(self, request: GetParameterTypes.Request) -> GetParameterTypes.Response:
+        self._check_count(request.names)
         return GetParameterTypes.Response(types=bytes(self._value(name).type for name in request.names))
 
     def _list(self, request: ListParameters.Request) -> ListParameters.Response:
         self._refresh()
-        names = tuple(name for name in self._parameters if _is_below(name, request.prefixes, request.depth))
+        searched = frozenset(request.prefixes)
+        names = tuple(name for name in self._parameters if _is_below(name, searched, request.depth))
         prefixes = dict.fromkeys(name.rpartition(".")[0] for name in names if "." in name)
         return ListParameters.Response(result=ListParametersResult(names=names, prefixes=tuple(prefixes)))
 
     def _set(self, request: SetParameters.Request) -> SetParameters.Response:
+        self._check_count(request.parameters)
         results = []
         for parameter in request.parameters:
             try:
@@ -156,6 +165,7 @@ class ParameterServices:
         return SetParameters.Response(results=tuple(results))
 
     def _set_atomically(self, request: SetParametersAtomically.Request) -> SetParametersAtomically.Response:
+        self._check_count(request.parameters)
         try:
             self._apply(request.parameters)
         except RequestError as error:
@@ -172,11 +182,10 @@ class ParameterServices:
             name, value = parameter.name, _scalar(parameter.value)
             group, _, field = name.rpartition(".")
             if self._find(name) is None:
-                raise RequestError(
-                    f"unknown parameter {quoted(name)}{did_you_mean(name, self._names)}; "
-                    f"known: {', '.join(self._parameters)}"
-                )
+                raise UnknownName("parameter", name, self._names)
             if name not in self._own:
+                if value is None:
+                    raise RequestError(f"parameter {name}: the value must be a number, text, true or false")
                 # Together, because one limit may only be right with another one of the same request.
                 changes.setdefault(group, {})[field] = value
                 continue
@@ -187,6 +196,12 @@ class ParameterServices:
         self._changeable.change(changes)
         for apply in plans:
             apply()
+
+    def _check_count(self, names: Sequence[object]) -> None:
+        self._refresh()
+        limit = max(MAX_NAMES, len(self._parameters))
+        if len(names) > limit:
+            raise RequestError(f"the request contains {len(names)} parameters; at most {limit} are accepted")
 
     def _refresh(self) -> None:
         """Lists the parameters anew, if plugins have added some."""
@@ -264,18 +279,16 @@ def _service(handler: Callable[[Any], Message]) -> Callable[[Any, Call], Message
     return lambda request, call: handler(request)
 
 
-def _is_below(name: str, prefixes: Sequence[str], depth: int) -> bool:
+def _is_below(name: str, prefixes: Set[str], depth: int) -> bool:
     """Returns whether a name starts with one of the prefixes and is at most `depth` levels below it.
 
     Depth 0 means no limit. Without prefixes, every name of at most `depth` levels matches.
     """
     if not prefixes:
         return depth == 0 or name.count(".") < depth
-    for prefix in prefixes:
-        if name == prefix:
-            return True
-        if name.startswith(f"{prefix}."):
-            below = name.removeprefix(f"{prefix}.")
-            if depth == 0 or below.count(".") < depth:
-                return True
-    return False
+    parts = name.split(".")
+    return name in prefixes or any(
+        ".".join(parts[:level]) in prefixes
+        for level in range(1, len(parts))
+        if depth == 0 or len(parts) - level <= depth
+    )

@@ -3,9 +3,9 @@
 import pytest
 
 from mjplug.config.settings import Settings, Sim
-from mjplug.contracts.parameters import ChangeableParameters
+from mjplug.contracts.parameters import ChangeableParameters, Scalar
 from mjplug.services import parameters
-from mjplug.services.parameters import ParameterServices, fixed
+from mjplug.services.parameters import MAX_NAMES, ParameterServices, fixed
 from mjplug.testing import World
 from mjplug_schemas.rcl_interfaces import (
     DescribeParameters,
@@ -60,7 +60,7 @@ def put(ask):
 
 def test_parameters_are_listed_typed_and_read(ask):
     listed = ask("list_parameters", ListParameters.Request()).result
-    of_sim = {f"sim.{name}" for name, value in Sim().model_dump().items() if not isinstance(value, dict | list | tuple)}
+    of_sim = {f"sim.{name}" for name, value in Sim().model_dump().items() if isinstance(value, Scalar)}
     assert list(listed.names) == sorted({"model", "use_sim_time"} | of_sim)
     assert {"sim.clock_rate", "sim.keyframe", "sim.paused", "sim.seed", "sim.speed"} <= of_sim
     assert listed.prefixes == ("sim",)
@@ -160,3 +160,29 @@ def test_parameters_are_set_atomically_all_or_none(world, ask):
     assert refused.reason == "parameter 'use_sim_time': it is read-only; set it in the configuration and restart"
     assert ask("set_parameters_atomically", request(parameters=(fast,))).result.successful
     assert world.loop.pacer.speed == 4.0
+
+
+def test_a_request_with_very_many_names_is_refused_before_any_is_handled(world, ask):
+    """Each name takes time on the physics thread."""
+    names = ("sim.speed",) * (MAX_NAMES + 1)
+    parameters = [Parameter(name=name, value=double(2.0)) for name in names]
+    for service, request in (
+        ("get_parameters", GetParameters.Request(names=names)),
+        ("get_parameter_types", GetParameterTypes.Request(names=names)),
+        ("describe_parameters", DescribeParameters.Request(names=names)),
+        ("set_parameters", SetParameters.Request(parameters=parameters)),
+        ("set_parameters_atomically", SetParametersAtomically.Request(parameters=parameters)),
+    ):
+        call = world.call(f"/mjplug/{service}", request)
+        assert call.refusal == "the request contains 1001 parameters; at most 1000 are accepted"
+    assert ask("get_parameters", GetParameters.Request(names=("sim.speed",))).values == (double(0.5),)
+
+
+def test_the_answer_to_an_unknown_name_does_not_grow_with_the_number_of_parameters():
+    services = ParameterServices({f"p{i}": fixed(1) for i in range(5000)}, ChangeableParameters())
+    _, set_parameters = services.handlers["set_parameters"]
+    (result,) = set_parameters(
+        SetParameters.Request(parameters=[Parameter(name="p5001", value=double(1.0))])
+    ).results
+    assert result.reason.startswith("unknown parameter 'p5001', did you mean 'p")
+    assert len(result.reason) < 300

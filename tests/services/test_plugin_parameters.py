@@ -1,6 +1,7 @@
 """Parameters of plugins that change while the server runs, set as `ros2 param set` sets them."""
 
 import math
+from enum import StrEnum
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from joint_robots import MIXED
 from pydantic import Field, model_validator
 
 from mjplug.config.settings import Settings
-from mjplug.errors import RequestError
+from mjplug.errors import PluginError, RequestError
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Parameters, Plugin
 from mjplug.plugin.selection import Selected
@@ -149,8 +150,8 @@ def test_a_value_that_is_set_reaches_the_plugin_and_is_read_back(tuned):
         ("high", "x", "parameter plugins.a.limits.high: Input should be a valid number"),
         ("high", True, "parameter plugins.a.limits.high: Input should be a valid number"),
         ("high", math.nan, "parameter plugins.a.limits.high: Input should be a finite number"),
-        ("high", ParameterValue(), "parameter plugins.a.limits.high: Input should be a valid number"),
-        ("high", -1.0, "low, which is 0, is above high, which is -1"),
+        ("high", ParameterValue(), "parameter plugins.a.limits.high: the value must be a number, text, true or false"),
+        ("high", -1.0, "parameter plugins.a.limits: low, which is 0, is above high, which is -1"),
         ("numbers", 1.0, "unknown parameter 'plugins.a.limits.numbers'"),
         ("word", "refuse", "parameters plugins.a.limits: this word is refused"),
     ],
@@ -165,6 +166,51 @@ def test_a_wrong_value_changes_nothing(tuned, name, value, reason):
 def test_an_integer_is_a_number(tuned):
     assert tuned.set(plugins__a__limits__high=2) == [""]
     assert tuned.get("plugins.a.limits.high") == (parameter_value(2.0),)
+
+
+class Word(StrEnum):
+    A = "a"
+
+
+class Optionals(Parameters):
+    limit: float | None = 1.0
+    nothing: float | None = None
+    word: Word = Word.A
+
+
+class Open(Plugin[Optionals]):
+    def init(self, host, parameters):
+        host.create_parameters("", parameters, lambda values: None)
+
+
+def test_a_parameter_without_a_group_has_the_name_of_the_instance_and_stays_readable(opened):
+    """Values that no ROS parameter can have are neither listed nor accepted."""
+    tools = opened({"a": (Open, {})})
+    assert tools.ask("list_parameters", ListParameters.Request(prefixes=("plugins",))).result.names == (
+        "plugins.a.limit",
+    )
+    for value in (ParameterValue(), ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY)):
+        assert tools.set(plugins__a__limit=value) == [
+            "parameter plugins.a.limit: the value must be a number, text, true or false"
+        ]
+    assert tools.get("plugins.a.limit", "plugins.a.word") == (parameter_value(1.0), ParameterValue())
+
+
+def test_parameters_that_are_declared_twice_stop_the_start(opened):
+    class Twice(Plugin[Optionals]):
+        def init(self, host, parameters):
+            for _ in range(2):
+                host.create_parameters("g", parameters, lambda values: None)
+
+    with pytest.raises(PluginError, match=r"the parameters plugins.a.g are declared twice"):
+        opened({"a": (Twice, {})})
+
+
+def test_a_parameter_that_is_set_twice_in_one_request_gets_the_last_value(tuned):
+    twice = [*given({"plugins__a__limits__high": 2.0}), *given({"plugins__a__limits__high": 3.0})]
+    request = SetParametersAtomically.Request(parameters=twice)
+    assert tuned.ask("set_parameters_atomically", request).result.successful
+    assert [limits.high for limits in applied(tuned)] == [3.0]
 
 
 def test_parameters_that_are_only_right_together_are_set_together(tuned):
@@ -246,6 +292,27 @@ def test_the_integral_stays_when_its_gain_changes(arm):
     # Without gains, the output is the integral from before, and no longer grows.
     assert float(data.ctrl[motor]) == integral
     assert np.isfinite(data.qpos[joint])
+
+
+@pytest.mark.parametrize(("i", "d"), [(-1.0, 1.0), (1.0, -1.0), (-1e-200, 1e-200), (-1.0, 0.0)])
+def test_gains_without_a_time_constant_for_back_calculation_are_refused(arm, i, d):
+    """The default of the time constant is a square root, or negative."""
+    name = "plugins.arm.pid_gains.position.elbow_motor".replace(".", "__")
+    gains = {f"{name}__i": i, f"{name}__d": d, f"{name}__antiwindup_strategy": "back_calculation"}
+    assert "back_calculation needs a tracking_time_constant above 0" in arm.set_together(**gains)
+    assert arm.set_together(**gains, **{f"{name}__tracking_time_constant": 0.5}) == ""
+    arm.loop.step(2)
+    assert arm.loop.failure is None
+
+
+def test_all_gains_can_be_zero(arm):
+    name = "plugins.arm.pid_gains.position.elbow_motor".replace(".", "__")
+    for strategy in ("none", "back_calculation", "conditional_integration"):
+        values = {f"{name}__{gain}": 0.0 for gain in "pid"}
+        assert arm.set_together(**values, **{f"{name}__antiwindup_strategy": strategy}) == ""
+        arm.loop.step(2)
+    assert arm.loop.failure is None
+    assert np.isfinite(arm.loop.simulation.data.ctrl).all()
 
 
 def test_gains_that_are_not_right_together_are_refused_and_the_old_ones_act_on(arm):

@@ -1,9 +1,9 @@
 """Parameters of JointCommands."""
 
 from math import isnan
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from mjplug.plugin import OneOrMore, Parameters
 from mjplug_plugins.joints.scalar_joint import require_unique
@@ -53,6 +53,18 @@ class PidGains(Parameters):
         if not low <= info.data.get(upper, float("inf")):
             raise ValueError(f"{info.field_name} ({low:g}) must not be above {upper} ({info.data[upper]:g})")
         return low
+
+    @model_validator(mode="after")
+    def _has_a_time_constant(self) -> Self:
+        default = self.antiwindup_strategy == "back_calculation" and not self.tracking_time_constant
+        other = self.d or self.p
+        # Signs, because a product of small gains may be zero.
+        if default and other and self.i and (other < 0) != (self.i < 0):
+            raise ValueError(
+                f"back_calculation needs a tracking_time_constant above 0, because i ({self.i:g}) and "
+                f"{f'd ({self.d:g})' if self.d else f'p ({self.p:g})'} have different signs"
+            )
+        return self
 
     @field_validator("u_clamp_max", "i_clamp_max")
     @classmethod

@@ -49,7 +49,7 @@ class PidBank:
         self._ctrl, self._actuators = ctrl, np.array(actuators, np.intp)
         self._bounds = np.array(limits, float).reshape(count, 2)
         self._integral = np.zeros(count)
-        self._read_gains()
+        self._gains_changed = True
         block = _contiguous(self._indices)
         self._in_place = None if block is None else state[block]
         self.setpoint = np.zeros(count)
@@ -72,7 +72,8 @@ class PidBank:
     def set_gains(self, pid: int, gains: PidGains) -> None:
         """Changes the gains of a PID from the next step on; its integral stays, so that the output does not jump."""
         self._gains[pid] = gains
-        self._read_gains()
+        # The gains are read in `update`, because one request may change those of many PIDs.
+        self._gains_changed = self._changed = True
 
     def stop(self, pid: int) -> None:
         """Stops a PID; its actuator keeps the control."""
@@ -114,6 +115,7 @@ class PidBank:
         self._last, self._error = error, self._last
 
     def _read_gains(self) -> None:
+        self._gains_changed = False
         gains, dt, bounds = self._gains, self._dt, self._bounds
         self._p, self._d_per_dt = _column(gains, "p"), _column(gains, "d") / dt
         self._i_dt = _column(gains, "i") * dt
@@ -143,6 +145,8 @@ class PidBank:
 
     def _select(self) -> None:
         """Selects the outputs to write; deferred to `update`, because one command starts the PIDs of many joints."""
+        if self._gains_changed:
+            self._read_gains()
         rows = np.flatnonzero(self._active)
         targets = self._actuators[rows]
         block = _contiguous(targets)
@@ -170,6 +174,7 @@ def _back_calculation(gains: PidGains) -> float:
     """Returns the back-calculation gain, the inverse of the time constant [1/s]; zero without back calculation."""
     if gains.antiwindup_strategy != "back_calculation" or not gains.i:
         return 0.0
-    default = math.sqrt(gains.d / gains.i) if gains.d else gains.p / gains.i
-    constant = gains.tracking_time_constant or default
+    constant = gains.tracking_time_constant
+    if not constant:
+        constant = math.sqrt(gains.d / gains.i) if gains.d else gains.p / gains.i
     return 1.0 / constant if constant else 0.0
