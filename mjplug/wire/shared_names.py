@@ -15,6 +15,7 @@ from typing import Any
 
 import zenoh
 
+from mjplug.errors import quoted
 from mjplug.log_scope import bound
 from mjplug.wire.callbacks import callback
 from mjplug.wire.discovery.announced import TOKENS, interfaces_key
@@ -34,11 +35,17 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _ANSWER_TIMEOUT = 2.0
 """Timeout of the query for the interfaces of another server [s]; it takes milliseconds."""
 
-_MAX_ANSWER = 4 << 20
-"""Maximum size of a list of interfaces that is decoded [bytes]."""
+_MAX_ANSWER = 1 << 20
+"""Maximum size of a list of interfaces that is decoded [bytes]; about 2500 topics."""
+
+_MAX_COMMAS = 50_000
+"""Maximum number of commas in a list that is decoded. Physics waits while JSON is decoded, and each value takes time."""
 
 _MAX_SERVERS = 200
 """Maximum number of tokens that are handled; any program on the network can declare any number of them."""
+
+_MAX_WARNINGS = 400
+"""Maximum number of warnings; a program that changes its list for ever must not fill the log."""
 
 _log = logging.getLogger(__name__)
 
@@ -80,8 +87,11 @@ class SharedNames:
         else:
             absolute = [*self.published, *self.subscribed, *self.services]
         if absolute:
+            # Without a namespace, `{ns}` changes nothing.
+            where = next((f"in {a}, " for a, b in ((own, other), (other, own)) if b.count("/") == 1 < a.count("/")), "")
             ways.append(
-                f"give absolute names a place in the namespace, such as --set 'remap.{absolute[0]}={{ns}}{absolute[0]}'"
+                f"{where}give absolute names a place in the namespace, such as "
+                f"--set 'remap.{absolute[0]}={{ns}}{absolute[0]}'"
             )
         return f"this server and {other} on the same network use the same names: {'; '.join(parts)}. " + (
             f"Clients cannot tell the two apart: {', and '.join(ways)}"
@@ -125,6 +135,7 @@ class SharedNamesWatch:
         self._own = str(session.zid())
         self._seen: set[str] = set()
         self._reported: dict[str, str] = {}
+        self._warnings = 0
         self._waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         # This thread sends the queries and waits for replies, because Zenoh's threads must not wait.
         self._thread = threading.Thread(target=bound(self._run), name="shared names", daemon=True)
@@ -143,7 +154,7 @@ class SharedNamesWatch:
         token = str(sample.key_expr)
         if sample.kind != zenoh.SampleKind.PUT:
             self._seen.discard(token)
-        elif token not in self._seen and len(self._seen) < _MAX_SERVERS:
+        elif token not in self._seen and len(self._seen) < _MAX_SERVERS and self._waiting.qsize() < _MAX_SERVERS:
             self._seen.add(token)
             self._waiting.put(token)
 
@@ -166,19 +177,41 @@ class SharedNamesWatch:
         for reply in self._session.get(
             interfaces_key(name), consolidation=zenoh.ConsolidationMode.NONE, timeout=_ANSWER_TIMEOUT
         ):
-            if reply.ok is None or len(reply.ok.payload) > _MAX_ANSWER:
+            if reply.ok is None:
                 continue
             try:
-                found = shared_names(self._listing(), json.loads(reply.ok.payload.to_bytes()), self._exempt)
+                found = shared_names(self._listing(), _decoded(reply.ok.payload), self._exempt)
             except (ValueError, KeyError, TypeError, RecursionError) as error:
-                _log.warning("server %s on this network replied with an invalid list of interfaces: %r", name, error)
+                # A KeyError contains text from the reply.
+                reason = quoted(str(error)) if isinstance(error, KeyError) else error
+                self._warn(name, f"server {name} on this network replied with an invalid list of interfaces: {reason}")
                 return
-            sentence = found.sentence(self._listing().name, name)
-            # A restart of the other server does not repeat the warning.
-            if sentence and self._reported.get(name) != sentence:
-                self._reported[name] = sentence
-                _log.warning("%s", sentence)
+            self._warn(name, found.sentence(self._listing().name, name))
             return
+
+    def _warn(self, name: str, sentence: str) -> None:
+        """Logs a warning about a server, unless it is empty or was the last one about this server."""
+        # A restart of the other server does not repeat the warning.
+        if not sentence or self._reported.get(name) == sentence or self._warnings >= _MAX_WARNINGS:
+            return
+        self._warnings += 1
+        self._reported[name] = sentence
+        more = "" if self._warnings < _MAX_WARNINGS else " (no more warnings of this kind are logged)"
+        _log.warning("%s%s", sentence, more)
+
+
+def _decoded(payload: zenoh.ZBytes) -> Any:
+    """Returns the content of a reply.
+
+    Raises:
+        ValueError: The reply is not JSON, or too large.
+    """
+    if len(payload) > _MAX_ANSWER:
+        raise ValueError(f"it has {len(payload)} bytes; at most {_MAX_ANSWER} are decoded")
+    text = payload.to_bytes()
+    if (commas := text.count(b",")) > _MAX_COMMAS:
+        raise ValueError(f"it contains {commas} commas; at most {_MAX_COMMAS} are accepted")
+    return json.loads(text)
 
 
 def _parts(token: str) -> tuple[str, str]:

@@ -66,6 +66,14 @@ def test_the_sentence_says_what_helps_against_just_these_names():
     assert SharedNames((), (), ()).sentence("/a", "/b") == ""
 
 
+def test_a_server_without_a_namespace_is_not_told_to_use_its_own():
+    """`{ns}/clock` is `/clock` there, so only the other server can move the name."""
+    shared = SharedNames(("/clock",), (), ())
+    for own, other in (("/mjplug", "/robot2/mjplug"), ("/robot2/mjplug", "/mjplug")):
+        assert ": in /robot2/mjplug, give absolute names a place" in shared.sentence(own, other)
+    assert ": give absolute names a place" in shared.sentence("/robot1/mjplug", "/robot2/mjplug")
+
+
 class Warnings(logging.Handler):
     """The warnings about shared names, as they come."""
 
@@ -145,7 +153,17 @@ def test_a_server_that_restarts_is_warned_about_once_by_those_that_stay(server, 
 
 
 @pytest.mark.parametrize(
-    "answer", [b"", b"[]", b'{"topics": 1, "services": []}', b'{"topics": [{}], "services": []}', b"[" * 100000]
+    "answer",
+    [
+        b"",
+        b"[]",
+        b'{"topics": 1, "services": []}',
+        b'{"topics": [{}], "services": []}',
+        b'{"topics": [{"name": "/x", "direction": "%s"}], "services": []}' % (b"long" * 10000),
+        b"[" * 100000,
+        b"[" + b"1," * 50001 + b"1]",
+        b'"%s"' % (b"long" * (1 << 18)),
+    ],
 )
 def test_a_program_that_poses_as_a_server_does_no_harm(server, client_of, warnings, answer):
     first = server("/a", "/x")
@@ -154,7 +172,9 @@ def test_a_program_that_poses_as_a_server_does_no_harm(server, client_of, warnin
         liar.session.declare_queryable("liar/interfaces", lambda query: query.reply("liar/interfaces", answer))
     )
     liar._kept.append(liar.session.liveliness().declare_token("@mjplug/liar/1/@ready"))
-    assert warnings.next().startswith("server /liar on this network replied with an invalid list of interfaces: ")
+    warning = warnings.next()
+    assert warning.startswith("server /liar on this network replied with an invalid list of interfaces: ")
+    assert len(warning) < 300
     server("/b", "/x", listen=first.session.listening)
     # The second server queries the program too.
     told = [warnings.next(), warnings.next(), warnings.next()]
@@ -177,3 +197,28 @@ def test_a_program_that_announces_a_server_and_never_answers_does_not_hold_up_th
     first.close()
     assert not first._shared._thread.is_alive()
     kept.clear()
+
+
+def test_a_program_that_changes_its_list_for_ever_does_not_fill_the_log(server, client_of, warnings, monkeypatch):
+    monkeypatch.setattr("mjplug.wire.shared_names._MAX_WARNINGS", 2)
+    first = server("/a", "/x", "/y")
+    liar = client_of(first.session.endpoint)
+    asked = queue.SimpleQueue()
+    answers = iter(range(100))
+
+    def answer(query):
+        name = ("/x", "/y")[next(answers) % 2]
+        topics = [{"name": name, "direction": "published"}]
+        query.reply("liar/interfaces", json.dumps({"topics": topics, "services": []}))
+        asked.put(None)
+
+    liar._kept.append(liar.session.declare_queryable("liar/interfaces", answer))
+    for _ in range(4):
+        token = liar.session.liveliness().declare_token("@mjplug/liar/1/@ready")
+        asked.get(timeout=TIMEOUT)
+        token.undeclare()
+    told = [warnings.next(), warnings.next()]
+    assert told[1].endswith(" (no more warnings of this kind are logged)")
+    # A real server at the end: it is compared after the others, and logs its own warning.
+    server("/b", "/x", listen=first.session.listening)
+    assert warnings.next().startswith("this server and /a ")
