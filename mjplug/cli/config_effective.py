@@ -1,6 +1,6 @@
 """The configuration in effect, with where each value comes from."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel
@@ -8,7 +8,9 @@ from pydantic import BaseModel
 from mjplug.cli.yaml_text import scalar
 from mjplug.config.document import KeyPath
 from mjplug.config.draft import Loaded
+from mjplug.config.instance_names import has_documented_names
 from mjplug.plugin.selection import Selected
+from mjplug_schemas.names import NAMESPACE
 
 _COLUMN = 40
 """Where the origins stand, unless a line is longer."""
@@ -39,15 +41,31 @@ def _plugin(loaded: Loaded, plugin: Selected) -> Iterator[str]:
         # What is not set is that of the server.
         if (value := getattr(entry, name)) is not None:
             yield _line(loaded, (*path, name), "    ", value)
-    yield from _section(loaded, plugin.parameters, path, "    ")
+    yield from _section(loaded, plugin.parameters, path, "    ", has_documented_names(entry))
 
 
-def _section(loaded: Loaded, section: BaseModel, path: KeyPath, indent: str) -> Iterator[str]:
+def _section(
+    loaded: Loaded, section: BaseModel, path: KeyPath, indent: str, documented_names: bool = False
+) -> Iterator[str]:
     values: dict[str, Any] = {name: getattr(section, name) for name in type(section).model_fields}
     for name, value in {**values, **(section.__pydantic_extra__ or {})}.items():
         # What nobody has set and has no value is derived from something else, which `null` would not say.
         if value is not None:
-            yield _line(loaded, (*path, name), indent, value)
+            yield _line(loaded, (*path, name), indent, _absolute(value) if documented_names else value)
+
+
+def _absolute(value: Any) -> Any:
+    """Returns a value with default names as they are in effect, `/scan` for `{ns}/scan`.
+
+    Otherwise the printed `{ns}` would count as the user's, and the names would move when the output is served.
+    """
+    if isinstance(value, BaseModel):
+        value = value.model_dump()
+    if isinstance(value, Mapping):
+        return {key: _absolute(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_absolute(item) for item in value]
+    return value.removeprefix(NAMESPACE) if isinstance(value, str) else value
 
 
 def _line(loaded: Loaded, path: KeyPath, indent: str, value: Any) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from mjplug.config.settings import Settings
+from mjplug.config.settings import PluginEntry, Settings
 from mjplug_schemas.names import NAMESPACE, normalize_namespace, resolve
 
 REFERENCE_TYPES = "mujoco_ros2_control_plugins/"
@@ -32,21 +32,26 @@ def server_names(settings: Settings) -> InstanceNames:
 def instance_names(settings: Settings, instance: str) -> InstanceNames:
     """Returns the names of a plugin instance."""
     entry = settings.plugins.get(instance)
-    namespace, prefix, reference = settings.namespace, settings.frame_prefix, False
+    namespace, prefix = settings.namespace, settings.frame_prefix
     if entry is not None:
         if entry.namespace is not None:
             own = normalize_namespace(entry.namespace)
             namespace = own if entry.namespace.startswith("/") else namespace + own
         if entry.frame_prefix is not None:
             prefix = entry.frame_prefix
-        reference = (
-            entry.type.startswith(REFERENCE_TYPES) and entry.namespace is None and not _substitutes(entry.parameters)
-        )
     full_name = _resolver(settings, instance, namespace)
     return InstanceNames(
-        partial(_documented, full_name) if reference else full_name,
+        partial(_documented, full_name) if entry is not None and has_documented_names(entry) else full_name,
         prefix.replace(NAMESPACE, namespace.strip("/")).lstrip("/"),
     )
+
+
+def has_documented_names(entry: PluginEntry) -> bool:
+    """Returns whether an instance has the absolute default names that mujoco_ros2_control documents, such as `/scan`.
+
+    If so, `{ns}` in the default names stands for nothing, and no parameter in the entry contains it.
+    """
+    return entry.type.startswith(REFERENCE_TYPES) and entry.namespace is None and not _substitutes(entry.parameters)
 
 
 def _resolver(settings: Settings, node: str, namespace: str) -> Callable[[str], str]:
@@ -54,7 +59,7 @@ def _resolver(settings: Settings, node: str, namespace: str) -> Callable[[str], 
 
 
 def _documented(full_name: Callable[[str], str], name: str) -> str:
-    """Returns a default name without the namespace: mujoco_ros2_control documents absolute names such as `/scan`."""
+    """Returns the full name of a default name such as `{ns}/scan`, without the namespace."""
     return full_name(name.removeprefix(NAMESPACE))
 
 

@@ -83,7 +83,9 @@ def _plugin_settings(
         plugins = {kind.replace(":", "/").rpartition("/")[2]: kind for kind in kinds}
         if len(plugins) < len(kinds):
             source = Source(f"plugins={kinds!r}")
-            raise ConfigError([Problem("two plugins have the same name; give each one a name: {NAME: TYPE}", Mark(source))])
+            raise ConfigError(
+                [Problem("two plugins have the same name; give each one a name: {NAME: TYPE}", Mark(source))]
+            )
     for name, entry in plugins.items():
         if "." in name:
             source = Source(f"plugins={{{name!r}: ...}}")

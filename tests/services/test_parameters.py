@@ -181,8 +181,6 @@ def test_a_request_with_very_many_names_is_refused_before_any_is_handled(world, 
 def test_the_answer_to_an_unknown_name_does_not_grow_with_the_number_of_parameters():
     services = ParameterServices({f"p{i}": fixed(1) for i in range(5000)}, ChangeableParameters())
     _, set_parameters = services.handlers["set_parameters"]
-    (result,) = set_parameters(
-        SetParameters.Request(parameters=[Parameter(name="p5001", value=double(1.0))])
-    ).results
+    (result,) = set_parameters(SetParameters.Request(parameters=[Parameter(name="p5001", value=double(1.0))])).results
     assert result.reason.startswith("unknown parameter 'p5001', did you mean 'p")
     assert len(result.reason) < 300

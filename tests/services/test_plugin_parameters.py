@@ -305,6 +305,28 @@ def test_gains_without_a_time_constant_for_back_calculation_are_refused(arm, i, 
     assert arm.loop.failure is None
 
 
+@pytest.mark.parametrize("gains", [{"d": 1e308}, {"p": -1e13}, {"i": 1e308, "p": 1e308}])
+def test_gains_that_could_overflow_are_refused(arm, gains):
+    assert "Input should be " in arm.set_together(
+        **{f"{GAINS}.{gain}".replace(".", "__"): value for gain, value in gains.items()}
+    )
+
+
+def test_a_tiny_time_constant_leaves_the_control_a_number(arm):
+    """Otherwise MuJoCo would set all controls to zero, and new gains could not mend the integral."""
+    name = "plugins.arm.pid_gains.position.elbow_motor".replace(".", "__")
+    values = {
+        "tracking_time_constant": 5e-324,
+        "i": 1e12,
+        "p": 1e12,
+        "d": 1e12,
+        "antiwindup_strategy": "back_calculation",
+    }
+    assert arm.set_together(**{f"{name}__{gain}": value for gain, value in values.items()}) == ""
+    arm.loop.step(200)
+    assert np.isfinite(arm.loop.simulation.data.ctrl).all()
+
+
 def test_all_gains_can_be_zero(arm):
     name = "plugins.arm.pid_gains.position.elbow_motor".replace(".", "__")
     for strategy in ("none", "back_calculation", "conditional_integration"):

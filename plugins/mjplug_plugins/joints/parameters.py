@@ -12,6 +12,8 @@ Interface = Literal["position", "velocity", "effort"]
 
 Limit = Annotated[float, Field(allow_inf_nan=True)]
 
+Gain = Annotated[float, Field(ge=-1e12, le=1e12)]
+"""Bounded, so that no output overflows: MuJoCo sets all controls to zero if one is not a number."""
 
 Interfaces = Annotated[tuple[Interface, ...], OneOrMore]
 Joints = Annotated[tuple[str, ...], OneOrMore, AfterValidator(require_unique)]
@@ -20,9 +22,9 @@ Joints = Annotated[tuple[str, ...], OneOrMore, AfterValidator(require_unique)]
 class PidGains(Parameters):
     """Gains of one PID, with control_toolbox's names."""
 
-    p: float = Field(default=0.0, description="Proportional gain.")
-    i: float = Field(default=0.0, description="Integral gain.")
-    d: float = Field(default=0.0, description="Derivative gain.")
+    p: Gain = Field(default=0.0, description="Proportional gain.")
+    i: Gain = Field(default=0.0, description="Integral gain.")
+    d: Gain = Field(default=0.0, description="Derivative gain.")
     u_clamp_max: Limit = Field(default=float("inf"), description="Upper limit of the output.")
     u_clamp_min: Limit = Field(default=float("-inf"), description="Lower limit of the output.")
     i_clamp_max: Limit = Field(default=float("inf"), description="Upper limit of the integral term.")

@@ -124,7 +124,7 @@ class PidBank:
         self._i_min, self._i_max = _column(gains, "i_clamp_min"), _column(gains, "i_clamp_max")
         self._deadband = _column(gains, "error_deadband")
         self._conditional = np.array([g.antiwindup_strategy == "conditional_integration" for g in gains], bool)
-        self._back_gain = np.array([_back_calculation(g) * dt for g in gains])
+        self._back_gain = np.array([_back_calculation(g, dt) for g in gains])
         self._no_antiwindup = not (self._conditional.any() or self._back_gain.any() or self._deadband.any())
         # An integral from before the gain became zero still counts.
         self._integrates = bool(self._i_dt.any() or self._integral.any())
@@ -170,11 +170,14 @@ def _column(gains: Sequence[PidGains], name: str) -> Array:
     return np.array([getattr(g, name) for g in gains], float)
 
 
-def _back_calculation(gains: PidGains) -> float:
-    """Returns the back-calculation gain, the inverse of the time constant [1/s]; zero without back calculation."""
+def _back_calculation(gains: PidGains, dt: float) -> float:
+    """Returns the time step divided by the time constant of back calculation, 0 to 1; zero without back calculation.
+
+    A time constant below the time step has the effect of the time step, because the integral would oscillate and grow.
+    """
     if gains.antiwindup_strategy != "back_calculation" or not gains.i:
         return 0.0
     constant = gains.tracking_time_constant
     if not constant:
         constant = math.sqrt(gains.d / gains.i) if gains.d else gains.p / gains.i
-    return 1.0 / constant if constant else 0.0
+    return dt / max(constant, dt) if constant else 0.0
