@@ -39,7 +39,7 @@ _MAX_ANSWER = 1 << 20
 """Maximum size of a list of interfaces that is decoded [bytes]; about 2500 topics."""
 
 _MAX_COMMAS = 50_000
-"""Maximum number of commas in a list that is decoded. Physics waits while JSON is decoded, and each value takes time."""
+"""Maximum number of commas in a list that is decoded: physics waits while JSON is decoded, value by value."""
 
 _MAX_SERVERS = 200
 """Maximum number of tokens that are handled; any program on the network can declare any number of them."""
