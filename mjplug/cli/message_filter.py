@@ -1,21 +1,34 @@
-"""Expressions that choose messages: `--filter 'm.linear.x > 0.5 and len(m.name) > 0'`.
+"""Expressions that select messages: `--filter 'm.linear.x > 0.5 and len(m.name) > 0'`.
 
-They have the syntax of Python, as those of ros2, but are not given to `eval`: this module evaluates the parts of
-Python that compare and calculate, and refuses everything else. An expression from a web page can neither read files
-nor run programs.
+Expressions have Python's syntax, as in ros2, but `eval` is not used: this module evaluates comparisons and arithmetic,
+and refuses everything else. An expression that is copied from a web page can neither read files nor run programs.
 """
 
 import ast
 import math
 import operator
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from mjplug.client import WrongTypeError
 from mjplug.errors import did_you_mean
 
-_LONGEST = 1000
-"""Characters of an expression, which bounds how deep it can be."""
+_MAX_LENGTH = 1000
+"""Maximum number of characters of an expression; it also limits how deeply an expression can be nested."""
+
+
+def _round(value: float, digits: int = 0) -> float:
+    """Returns a rounded number; `round` itself computes powers of ten of any size for integers."""
+    return round(float(value), digits)
+
+
+def _sum(values: Iterable[float]) -> float:
+    """Returns the sum of numbers; `sum` itself also joins lists, which could fill the memory."""
+    total: float = 0
+    for value in values:
+        total += value
+    return total
+
 
 _OPERATORS: Final[Mapping[type[ast.AST], Callable[..., Any]]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -27,30 +40,30 @@ _OPERATORS: Final[Mapping[type[ast.AST], Callable[..., Any]]] = {
 
 _FUNCTIONS: Final[Mapping[str, Callable[..., Any]]] = {
     "abs": abs, "all": all, "any": any, "bool": bool, "float": float, "int": int, "len": len, "max": max, "min": min,
-    "round": round, "sum": sum, "isfinite": math.isfinite, "isinf": math.isinf, "isnan": math.isnan,
+    "round": _round, "sum": _sum, "isfinite": math.isfinite, "isinf": math.isinf, "isnan": math.isnan,
     "hypot": math.hypot, "sqrt": math.sqrt,
 }  # fmt: skip
 FUNCTIONS = tuple(_FUNCTIONS)
-"""What an expression can call."""
+"""The functions that an expression can call."""
 
 METHODS: Final = ("endswith", "lower", "startswith", "upper")
-"""What an expression can call of a text."""
+"""The methods of strings that an expression can call."""
 
 
 class MessageFilter:
-    """An expression about a message, which is `m` in it.
+    """An expression that is evaluated for each message; the message is called `m`.
 
     Args:
         text: The expression.
 
     Raises:
-        WrongTypeError: It is not an expression, or has a part that is not allowed.
+        WrongTypeError: The text is not an expression, or contains a part that is not allowed.
     """
 
     def __init__(self, text: str) -> None:
         self._text = text
-        if len(text) > _LONGEST:
-            raise WrongTypeError(f"the filter has {len(text)} characters; at most {_LONGEST} are allowed")
+        if len(text) > _MAX_LENGTH:
+            raise WrongTypeError(f"the filter has {len(text)} characters; at most {_MAX_LENGTH} are allowed")
         try:
             self._root = ast.parse(text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -62,10 +75,10 @@ class MessageFilter:
             self._check(node)
 
     def __call__(self, message: Any) -> bool:
-        """Returns whether a message is chosen.
+        """Returns whether the expression selects a message.
 
         Raises:
-            WrongTypeError: The expression does not fit the message.
+            WrongTypeError: The expression cannot be evaluated for this message.
         """
         try:
             return bool(self._value(self._root, {"m": message}))
@@ -81,19 +94,22 @@ class MessageFilter:
             ast.expr_context, ast.boolop, *_OPERATORS,
         )  # fmt: skip
         if not isinstance(node, allowed):
-            raise self._refusal(f"{type(node).__name__} is not allowed in it")
+            raise self._refusal(f"{type(node).__name__} is not allowed")
         if isinstance(node, ast.Attribute) and node.attr.startswith("_"):
             raise self._refusal(f"no field of a message is called {node.attr!r}")
         if isinstance(node, ast.Call):
             self._check_call(node)
+
+    def _part(self, node: ast.AST) -> str:
+        return ast.get_source_segment(self._text.strip(), node) or self._text
 
     def _check_call(self, node: ast.Call) -> None:
         known = isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS
         method = isinstance(node.func, ast.Attribute) and node.func.attr in METHODS
         if node.keywords or not (known or method):
             raise self._refusal(
-                f"{ast.unparse(node)!r} cannot be called; allowed: {', '.join(FUNCTIONS)}, "
-                f"and of texts {', '.join(METHODS)}"
+                f"{self._part(node)!r} cannot be called; allowed: {', '.join(FUNCTIONS)}, "
+                f"and for strings {', '.join(METHODS)}"
             )
 
     def _value(self, node: Any, names: Mapping[str, Any]) -> Any:
@@ -102,7 +118,7 @@ class MessageFilter:
                 return node.value
             case ast.Name():
                 if node.id not in names:
-                    raise self._refusal(f"there is no {node.id!r} in it; the message is m")
+                    raise self._refusal(f"unknown name {node.id!r}; the message is called m")
                 return names[node.id]
             case ast.Attribute():
                 return self._field(self._value(node.value, names), node.attr)
@@ -112,7 +128,7 @@ class MessageFilter:
                 parts = (node.lower, node.upper, node.step)
                 return slice(*(None if part is None else self._value(part, names) for part in parts))
             case ast.BoolOp():
-                # Like Python, it ends at the first value that decides.
+                # As in Python, evaluation stops at the first value that decides the result.
                 ends = isinstance(node.op, ast.Or)
                 value = None
                 for part in node.values:
@@ -145,12 +161,12 @@ class MessageFilter:
         assert isinstance(node.func, ast.Attribute)
         text = self._value(node.func.value, names)
         if not isinstance(text, str):
-            raise self._refusal(f"{node.func.attr} is for texts only")
+            raise self._refusal(f"{node.func.attr} works on strings only")
         return getattr(text, node.func.attr)(*arguments)
 
     def _each(self, node: ast.GeneratorExp, names: Mapping[str, Any]) -> Iterator[Any]:
         if len(node.generators) != 1 or not isinstance(node.generators[0].target, ast.Name):
-            raise self._refusal("one `for`, with one name, is allowed in it")
+            raise self._refusal("only one `for` with one variable is allowed")
         (each,) = node.generators
         assert isinstance(each.target, ast.Name)
         for value in self._value(each.iter, names):
@@ -159,9 +175,9 @@ class MessageFilter:
                 yield self._value(node.elt, inner)
 
     def _calculated(self, operation: ast.operator, left: Any, right: Any) -> Any:
-        # A text or list times a number could fill the memory, and `%` of a text formats it.
+        # The product of a string or list and a number could fill the memory, and `%` formats a string.
         if not all(isinstance(value, int | float) for value in (left, right)):
-            raise self._refusal(f"{type(operation).__name__} is for numbers only")
+            raise self._refusal(f"{type(operation).__name__} works on numbers only")
         return _OPERATORS[type(operation)](left, right)
 
     def _field(self, value: Any, name: str) -> Any:

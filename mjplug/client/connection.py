@@ -126,8 +126,8 @@ def _open(settings: zenoh.Config, endpoint: str, began: float, timeouts: Timeout
         try:
             return zenoh.open(settings)
         except zenoh.ZError:
-            waited = time.monotonic() - attempt
-            failure = examine(endpoint, handshake, timed_out=waited >= 0.9 * handshake)
+            now = time.monotonic()
+            failure = examine(endpoint, now - began, timed_out=now - attempt >= 0.9 * handshake)
         left = began + (timeouts.slow if failure.slow else timeouts.absent) - time.monotonic()
         if left <= 0.0:
             raise NoServerError(why_refused(settings, file, endpoint) or failure.reason)

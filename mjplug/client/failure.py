@@ -5,44 +5,48 @@ import socket
 from dataclasses import dataclass
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where a server listens unless it is told otherwise."""
+"""The endpoint on which a server listens by default."""
 
 VARIABLE = "MJPLUG_CONNECT"
-"""The environment variable that names another endpoint."""
+"""The environment variable that sets another endpoint."""
 
 _ADDRESS = re.compile(r"(?:tcp|tls)/(?P<host>\[[^\]]*\]|[^:/?#]+):(?P<port>\d+)")
 _LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
+_MAX_PORT = 65535
+
 _PROBE_TIMEOUT = 1.0
-"""How long to wait for a TCP connection [s]."""
+"""Timeout of a TCP connection [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A connection that could not be opened.
+    """Why a connection could not be opened.
 
     Attributes:
-        reason: What is wrong and what to do, in one sentence.
-        slow: Whether a program may be there that only did not answer in time.
+        reason: What is wrong and what the user can do.
+        slow: Whether a program accepts connections but did not answer in time.
     """
 
     reason: str
     slow: bool = False
 
 
-def examine(endpoint: str, allowed: float, timed_out: bool) -> Failure:
+def examine(endpoint: str, waited: float, timed_out: bool) -> Failure:
     """Returns why no session could be opened; connects once more, without Zenoh, to find out.
 
     Args:
-        endpoint: Where Zenoh tried to connect.
-        allowed: How long Zenoh was allowed to wait for each answer [s].
-        timed_out: Whether it has waited so long.
+        endpoint: The endpoint to which Zenoh tried to connect.
+        waited: Wall time since the first attempt [s].
+        timed_out: Whether the handshake of the last attempt timed out.
     """
     match = _ADDRESS.match(endpoint)
     if match is None:
-        # Only Zenoh itself can tell, and it does not.
+        # Other protocols cannot be tested with a TCP connection, and Zenoh does not report the reason.
         return Failure(f"no mjplug server answers at {endpoint}; {_way_out(endpoint)}", timed_out)
-    silent = f"{endpoint} did not answer within {allowed:.2g} s"
+    silent = f"{endpoint} did not answer within {waited:.2g} s"
+    if int(match["port"]) > _MAX_PORT:
+        return Failure(f"{endpoint}: port {match['port']} is out of range; the highest port is {_MAX_PORT}")
     try:
         socket.create_connection((match["host"].strip("[]"), int(match["port"])), _PROBE_TIMEOUT).close()
     except ConnectionRefusedError:

@@ -1,6 +1,7 @@
 """Getting onto a network, or hearing why not."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
@@ -61,10 +62,27 @@ def test_a_program_that_accepts_connections_and_never_answers_is_not_called_a_re
         endpoint = f"tcp/127.0.0.1:{silent.getsockname()[1]}"
         with pytest.raises(NoServerError) as error:
             connect(endpoint, timeout=0.0)
-    assert str(error.value) == (
-        f"{endpoint} did not answer within 1 s, but accepts connections: its server is stopped or overloaded, "
-        "or another program has the port (mjplug doctor)"
+    assert re.fullmatch(
+        rf"{re.escape(endpoint)} did not answer within [\d.]+ s, but accepts connections: its server is stopped or "
+        r"overloaded, or another program has the port \(mjplug doctor\)",
+        str(error.value),
     )
+
+
+def test_the_error_names_the_whole_time_that_the_client_waited():
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        began = time.monotonic()
+        with pytest.raises(NoServerError) as error:
+            connect(f"tcp/127.0.0.1:{silent.getsockname()[1]}", timeout=1.5)
+        spent = time.monotonic() - began
+    seconds = re.search(r"did not answer within ([\d.]+) s", str(error.value))
+    assert 1.5 <= float(seconds[1]) <= round(spent, 1) + 0.1
+
+
+def test_a_port_that_is_out_of_range_is_named():
+    # A socket would take port 99999 modulo 65536.
+    with pytest.raises(NoServerError, match=r"tcp/127\.0\.0\.1:99999: port 99999 is out of range"):
+        connect("tcp/127.0.0.1:99999", timeout=0.0)
 
 
 def test_a_host_that_does_not_exist_is_named():
