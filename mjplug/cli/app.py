@@ -43,7 +43,7 @@ app = typer.Typer(
     "6 timeout, 7 refused by the server, 40 stop forced, 130 Ctrl-C, 143 SIGTERM.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
-    # Rich would take longer to import than everything else together.
+    # Importing Rich would take longer than all other imports together.
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     # `mjplug completion` does it.
@@ -91,10 +91,10 @@ def _root(
 
 
 def main() -> None:
-    """Runs the command line; an error that mjplug raises on purpose is printed without a traceback."""
+    """Runs the command line; an error of mjplug is printed without a traceback."""
     prepare()
     try:
-        # Under its own name also as `python -m mjplug`.
+        # Otherwise `python -m mjplug` would show `__main__.py` as the name.
         app(prog_name="mjplug")
     except MjplugError as error:
         from mjplug.cli.exit_codes import exit_code
@@ -107,7 +107,7 @@ def main() -> None:
     except OSError as error:
         if error.errno not in _CANNOT_WRITE or error.filename is not None:
             raise
-        # Standard output, which is a file on a full disk. What is left in its buffer could not be written either.
+        # Standard output is a file on a full disk. The rest of its buffer could not be written either.
         complain(f"error: cannot write: {error.strerror}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""`mjplug completion`: what makes the TAB key know commands, flags, and the names on a running server."""
+"""`mjplug completion`: shell completion of commands, flags, and the names on a running server."""
 
 from typing import Annotated, Literal
 
@@ -16,10 +16,9 @@ def completion(
 ) -> None:
     """Prints a script that completes commands, flags and live names.
 
-    Load it in the file that the shell reads at its start.
+    Load it in the start-up file of the shell.
     """
-    # The same since typer has completion, though its module does not say so.
-    # Typer has these from a module that it does not re-export them from; mypy minds.
+    # `typer.completion` does not re-export this function explicitly, as mypy requires.
     from typer.completion import get_completion_script  # type: ignore[attr-defined]
 
     say(get_completion_script(prog_name=_PROGRAM, complete_var=VARIABLE, shell=shell))
@@ -33,7 +32,7 @@ EPILOG = examples(
 
 
 def prepare() -> None:
-    """Lets typer answer a shell that asks."""
+    """Prepares typer's completion if a shell has asked for it."""
     import os
 
     if VARIABLE in os.environ:

@@ -1,4 +1,4 @@
-"""`mjplug config`: checks, shows and begins configuration files."""
+"""`mjplug config`: checks, shows and creates configuration files."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,7 @@ from mjplug.cli.examples import examples
 from mjplug.cli.names import complete_model
 from mjplug.cli.output import complain, complain_of, say
 
-app = typer.Typer(name="config", help="Checks, shows and begins configuration files.", no_args_is_help=True)
+app = typer.Typer(name="config", help="Checks, shows and creates configuration files.", no_args_is_help=True)
 
 Config = Annotated[
     str,
@@ -23,14 +23,17 @@ Config = Annotated[
 Model = Annotated[
     str | None,
     typer.Option(
-        "--model", metavar="MODEL", help="The model, in place of the one in it.", autocompletion=complete_model
+        "--model",
+        metavar="MODEL",
+        help="The model to use instead of the one in the file.",
+        autocompletion=complete_model,
     ),
 ]
 Sets = Annotated[
-    list[str] | None, typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, as for serve. Repeatable.")
+    list[str] | None, typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set any value, as for serve. Repeatable.")
 ]
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it there instead of standard output.")
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write to this file instead of standard output.")
 ]
 
 
@@ -46,7 +49,7 @@ def check(config: Config, model: Model = None, set_: Sets = None) -> None:
 def show(config: Config, model: Model = None, set_: Sets = None) -> None:
     """Shows every setting that is in effect, and where it comes from.
 
-    What it prints is a configuration file itself.
+    The output is a valid configuration file.
     """
     import_mujoco()
     from mjplug.cli.config_effective import effective
@@ -62,7 +65,7 @@ def show(config: Config, model: Model = None, set_: Sets = None) -> None:
 
 @app.command(epilog=examples("mjplug config schema -o mjplug.schema.json"))
 def schema(output: Output = None) -> None:
-    """Writes the JSON Schema of configuration files, installed plugins among them.
+    """Writes the JSON Schema of configuration files, including the parameters of installed plugins.
 
     An editor with a YAML language server completes and checks a file whose first line is
     `# yaml-language-server: $schema=./mjplug.schema.json`.
@@ -80,7 +83,7 @@ def init(
     model: Annotated[str, typer.Argument(metavar="MODEL", help="The model to serve.", autocompletion=complete_model)],
     output: Output = None,
 ) -> None:
-    """Writes a file to begin with: every setting with its meaning, and plugins that fit the model."""
+    """Writes a configuration file for a model: all settings with descriptions, and plugins that fit the model."""
     import_mujoco()
     from mjplug.cli.config_start import starting_file
     from mjplug.model.file import load_model
@@ -92,7 +95,7 @@ def init(
 
 @app.command(epilog=examples("mjplug config convert ros_params.yaml --model scene.xml -o robot.yaml"))
 def convert(config: Config, model: Model = None, output: Output = None) -> None:
-    """Turns a ROS parameter file into a configuration file."""
+    """Converts a ROS parameter file into a configuration file."""
     import_mujoco()
     from mjplug.cli.config_convert import converted
     from mjplug.config.load import read

@@ -1,4 +1,4 @@
-"""A configuration file that says what a ROS parameter file says."""
+"""Conversion of a ROS parameter file to a configuration file."""
 
 from mjplug.cli.yaml_text import block
 from mjplug.config.settings import Settings
@@ -8,7 +8,7 @@ def converted(settings: Settings) -> str:
     """Returns the file's text: the settings that are not defaults, and the plugins with the parameters that are given.
 
     Args:
-        settings: What it means.
+        settings: The settings that were read from the ROS parameter file.
     """
     given = settings.model_dump(exclude_defaults=True, exclude={"plugins", "ros_params"})
     plugins = {

@@ -13,11 +13,11 @@ from mjplug.plugin.selection import Selected
 from mjplug_schemas.names import NAMESPACE
 
 _COLUMN = 40
-"""Where the origins stand, unless a line is longer."""
+"""Column of the origins, unless a line is longer."""
 
 
 def effective(loaded: Loaded, plugins: Sequence[Selected]) -> Iterator[str]:
-    """Yields the lines of a configuration file that says everything, each with its origin behind it."""
+    """Yields the lines of a complete configuration file; a comment after each value names its origin."""
     settings = loaded.settings
     for name in type(settings).model_fields:
         value = getattr(settings, name)
@@ -29,7 +29,7 @@ def effective(loaded: Loaded, plugins: Sequence[Selected]) -> Iterator[str]:
             yield f"{name}:"
             yield from _section(loaded, value, (name,), "  ")
         elif name != "ros_params":
-            # What they add is below `plugins` already.
+            # The plugins in these files are part of `plugins` already.
             yield _line(loaded, (name,), "", value)
 
 
@@ -38,7 +38,7 @@ def _plugin(loaded: Loaded, plugin: Selected) -> Iterator[str]:
     yield f"  {plugin.name}:"
     entry = loaded.settings.plugins[plugin.name]
     for name in type(entry).model_fields:
-        # What is not set is that of the server.
+        # If it is not set, the value of the server applies.
         if (value := getattr(entry, name)) is not None:
             yield _line(loaded, (*path, name), "    ", value)
     yield from _section(loaded, plugin.parameters, path, "    ", has_documented_names(entry))
@@ -49,7 +49,7 @@ def _section(
 ) -> Iterator[str]:
     values: dict[str, Any] = {name: getattr(section, name) for name in type(section).model_fields}
     for name, value in {**values, **(section.__pydantic_extra__ or {})}.items():
-        # What nobody has set and has no value is derived from something else, which `null` would not say.
+        # A parameter without a value is derived from others; `null` would not express that.
         if value is not None:
             yield _line(loaded, (*path, name), indent, _absolute(value) if documented_names else value)
 

@@ -16,10 +16,10 @@ _SECTION: Final = "#/$defs/RosSection"
 
 
 def config_schema() -> Schema:
-    """Returns the schema, with the parameters of every installed plugin; one that cannot be imported is left open.
+    """Returns the schema, with the parameters of every installed plugin; those of a plugin that cannot be imported are not checked.
 
-    Conditions stand in place of alternatives: an editor then says what is wrong with a value instead of that no
-    alternative fits.
+    The schema uses conditions instead of alternatives: an editor then reports what is wrong with a value, instead of
+    "no alternative matches".
     """
     own = Settings.model_json_schema()
     definitions: Schema = own.pop("$defs")
@@ -28,7 +28,7 @@ def config_schema() -> Schema:
     own["properties"]["plugins"]["additionalProperties"] = {"$ref": "#/$defs/PluginEntry"}
     for name in MAY_BE_EMPTY:
         own["properties"][name] = _or_nothing(own["properties"][name])
-    # The type of an entry may stand in one of the listed files, so that this one only changes some parameters.
+    # One of the listed files may set the type of an entry, and this file only some of its parameters.
     overlay = {"properties": {"ros_params": {"type": "array", "minItems": 1}}, "required": ["ros_params"]}
     typed = {"properties": {"plugins": {"additionalProperties": {"required": ["type"]}}}}
     own |= {"if": overlay, "else": typed}
@@ -63,7 +63,7 @@ def _plugin_entry(entry: Schema) -> dict[str, Schema]:
 
 
 def _plugin(target: str) -> dict[str, Schema]:
-    """Returns the definitions of a plugin's entry, by names that no other plugin's have."""
+    """Returns the definitions of a plugin's entry, under names that no other plugin uses."""
     prefix = f"plugin.{target}"
     try:
         plugin = registry.find(target)
@@ -86,7 +86,7 @@ def _ros_file(definitions: Schema) -> Schema:
     parameters = {
         **_MAPPING,
         "properties": {"mujoco_plugins": plugins, "use_sim_time": {"type": "boolean"}},
-        # A dotted name may have the type of an entry that has none here.
+        # A dotted parameter may set the type of an entry without `type`.
         "if": {"patternProperties": {"^mujoco_plugins\\.": False}},
         "then": {"properties": {"mujoco_plugins": {"additionalProperties": {"required": ["type"]}}}},
     }

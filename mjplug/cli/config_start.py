@@ -1,4 +1,4 @@
-"""A configuration file to begin with."""
+"""A first configuration file for a model."""
 
 import textwrap
 from collections.abc import Iterator
@@ -13,14 +13,14 @@ _WIDTH = 100
 
 
 def starting_file(uri: str, model: mujoco.MjModel) -> str:
-    """Returns a file for a model: settings with their defaults, commented out, and plugins that have something to do.
+    """Returns a file for a model: settings with their defaults, commented out, and plugins that fit the model.
 
     Args:
-        uri: The model, as the file shall name it.
+        uri: The model, as written in the file.
         model: The model.
     """
     lines = [
-        "# A configuration of mjplug. What is commented out is the default; `mjplug config show` shows all that holds.",
+        "# Configuration of mjplug. Lines that are commented out are defaults; `mjplug config show` shows all values.",
         f"model: {text(uri)}",
         "",
     ]
@@ -31,7 +31,7 @@ def starting_file(uri: str, model: mujoco.MjModel) -> str:
             lines += [f"# {field.description}", f"# {name}:", *_section(field.default, model), ""]
         else:
             lines += [*_comment(field.description, ""), f"# {name}: {scalar(field.default)}", ""]
-    lines += ["# `mjplug plugin list` shows what there is, `mjplug plugin info TYPE` its parameters.", "plugins:"]
+    lines += ["# `mjplug plugin list` lists the plugins, `mjplug plugin info TYPE` shows their parameters.", "plugins:"]
     lines += [f"  {name}: {{type: {name}}}" for name in _useful(model)]
     return "\n".join(lines)
 
@@ -46,7 +46,7 @@ def _section(section: BaseModel, model: mujoco.MjModel) -> Iterator[str]:
 
 
 def _comment(description: str | None, indent: str) -> Iterator[str]:
-    """Yields a description, as a comment that stays one when a section is taken out of its comments."""
+    """Yields a description as a comment that remains a comment when the user uncomments the section."""
     mark = f"#{indent and ' '}{indent}# " if indent else "# "
     for line in textwrap.wrap(description or "", _WIDTH):
         yield f"{mark}{line}"

@@ -1,4 +1,4 @@
-"""Commands that talk to a running server: the options they share, and the client they get."""
+"""Commands that connect to a running server: their common options, and the client."""
 
 import functools
 import inspect
@@ -22,7 +22,7 @@ _SHARED = {
                 "-e",
                 metavar="ENDPOINT",
                 envvar="MJPLUG_CONNECT",
-                help="Where the server listens, as its `ready` line says.  [default: tcp/127.0.0.1:7447]",
+                help="Endpoint of the server, as in its `ready` line.  [default: tcp/127.0.0.1:7447]",
             ),
         ],
         None,
@@ -31,7 +31,7 @@ _SHARED = {
         Annotated[
             float,
             typer.Option(
-                "--wait", min=0.0, metavar="SECONDS", help="How long to wait for a server that is not there yet."
+                "--wait", min=0.0, metavar="SECONDS", help="How long to wait for a server that is not running yet."
             ),
         ],
         0.0,
@@ -61,7 +61,7 @@ _SHARED = {
 
 
 def connected(function: Callable[..., None]) -> Callable[..., None]:
-    """Makes a command of a function whose first argument is a client: adds the options for it, and closes it."""
+    """Turns a function whose first argument is a client into a command: adds options, opens and closes the client."""
 
     @functools.wraps(function)
     def command(*, connect: str | None, wait: float, server: str, zenoh_config: str | None, **rest: Any) -> None:
@@ -73,16 +73,16 @@ def connected(function: Callable[..., None]) -> Callable[..., None]:
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for name, (annotation, default) in _SHARED.items()
     ]
-    # What typer reads; functions have it only once it is set.
+    # typer reads the signature from here; mypy does not know this attribute of functions.
     command.__signature__ = inspect.Signature([*own, *shared])  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in [*own, *shared]}
-    # Otherwise the function's own annotations would be looked at, the client's among them.
+    # Otherwise typer would read the annotations of the function, including that of the client.
     del command.__wrapped__
     return command
 
 
-_SLOW = 5.0
-"""How long to wait for a server that accepts connections and does not answer [s], as on a busy machine."""
+_SLOW_TIMEOUT = 5.0
+"""Timeout for a server that accepts connections but does not answer, as on a busy machine [s]."""
 
 
 def client(endpoint: str | None, server: str = "", config: str | None = None, wait: float = 0.0) -> "Client":
@@ -90,14 +90,14 @@ def client(endpoint: str | None, server: str = "", config: str | None = None, wa
 
     Args:
         endpoint: Where the server listens.
-        server: Its name, where several are on the network.
+        server: The name of the server; needed if several are on the network.
         config: A Zenoh configuration file.
-        wait: How long to wait for a server that is not there [s]; with 0, that is reported at once.
+        wait: How long to wait for a server that is not running [s]; with 0, its absence is reported at once.
 
     Raises:
-        NoServerError: No server is there, or it does not answer.
+        NoServerError: No server is running, or it does not answer.
     """
     with exit_on_interrupt():
         from mjplug.client.connection import Timeouts, open_client
 
-    return open_client(endpoint, server, Timeouts(wait, max(wait, _SLOW)), config)
+    return open_client(endpoint, server, Timeouts(wait, max(wait, _SLOW_TIMEOUT)), config)

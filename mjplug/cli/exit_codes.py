@@ -1,4 +1,4 @@
-"""What ends the process with which code."""
+"""Exit codes of the process."""
 
 from mjplug.client.errors import NoServerError, RequestRefused, TimedOutError, WrongTypeError
 from mjplug.config.problem import ConfigError

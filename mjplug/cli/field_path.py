@@ -1,4 +1,4 @@
-"""A part of a message, as `--field` names it: `pose.pose.position`, `ranges[3]`, `free_joints[0].name`."""
+"""Paths to a field of a message, as for `--field`: `pose.pose.position`, `ranges[3]`, `free_joints[0].name`."""
 
 import re
 from typing import Any
@@ -15,10 +15,10 @@ class FieldPath:
     """A path into a message.
 
     Args:
-        text: As a user writes it.
+        text: The path.
 
     Raises:
-        WrongTypeError: It is no path.
+        WrongTypeError: The text is not a path.
     """
 
     def __init__(self, text: str) -> None:
@@ -28,15 +28,15 @@ class FieldPath:
         while at < len(text):
             part = _PART.match(text, at)
             if part is None:
-                raise WrongTypeError(f"{text!r} is no field; write it as in pose.position or ranges[3]")
+                raise WrongTypeError(f"{text!r} is not a field; write it as in pose.position or ranges[3]")
             self.parts.append(part[1] or int(part[2]))
             at = part.end()
 
     def check(self, kind: Any) -> None:
-        """Checks that messages of a type have this part, as far as the type says.
+        """Checks that messages of a type have this field, as far as the type determines it.
 
         Raises:
-            WrongTypeError: They have not; the sentence says what there is.
+            WrongTypeError: They do not have this field; the message lists the known fields.
         """
         if kind is dict:
             return
@@ -45,15 +45,15 @@ class FieldPath:
                 continue
             known = {field.name: field for field in fields(kind)} if not isinstance(kind, Primitive) else {}
             if part not in known:
-                of = f"{kind.name} is no message" if isinstance(kind, Primitive) else f"known: {', '.join(known)}"
+                of = f"{kind.name} is not a message" if isinstance(kind, Primitive) else f"known: {', '.join(known)}"
                 raise WrongTypeError(f"{self.text!r}: there is no field {part!r}{did_you_mean(part, known)}; {of}")
             kind = known[part].element
 
     def get(self, message: Any) -> Any:
-        """Returns the part of a message.
+        """Returns the value of the field.
 
         Raises:
-            WrongTypeError: This message has no such part.
+            WrongTypeError: This message has no such element.
         """
         value = message
         for part in self.parts:

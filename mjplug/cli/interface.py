@@ -1,4 +1,4 @@
-"""`mjplug interface`: the messages and services that mjplug knows."""
+"""`mjplug interface`: message and service types."""
 
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,8 +21,8 @@ TypeName = Annotated[
 
 @app.command("list")
 def list_types(
-    messages: Annotated[bool, typer.Option("--only-msgs", "-m", help="Only messages.")] = False,
-    services: Annotated[bool, typer.Option("--only-srvs", "-s", help="Only services.")] = False,
+    messages: Annotated[bool, typer.Option("--only-msgs", "-m", help="List only messages.")] = False,
+    services: Annotated[bool, typer.Option("--only-srvs", "-s", help="List only services.")] = False,
 ) -> None:
     """Lists the types."""
     from mjplug_schemas.registry import all_types
@@ -48,11 +48,11 @@ def show(
         ),
     ],
     all_comments: Annotated[
-        bool, typer.Option("--all-comments", help="Show the comments of types inside it, too.")
+        bool, typer.Option("--all-comments", help="Also show the comments of nested types.")
     ] = False,
     no_comments: Annotated[bool, typer.Option("--no-comments", help="Show no comments and no empty lines.")] = False,
 ) -> None:
-    """Shows the definition of a type, as ROS has it in its .msg and .srv files, with the types inside it."""
+    """Shows the definition of a type in the format of .msg and .srv files, with its nested types."""
     from mjplug.cli.interface_text import definition_lines
 
     if all_comments and no_comments:
@@ -70,22 +70,22 @@ def show(
 )
 def proto(
     type: TypeName,
-    no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Leave out the quotes around it.")] = False,
+    no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Omit the quotes.")] = False,
 ) -> None:
-    """Shows a message of a type with its initial values, or a request, for `topic pub` and `service call`."""
+    """Shows a message or request with its initial values, as input for `topic pub` and `service call`."""
     from mjplug.cli.render import Rendering
     from mjplug_schemas.message import Message
 
     found = _find(type)
     message = found() if issubclass(found, Message) else found.Request()
     text = Rendering().text(message)
-    # The last line break as ros2 has it: the quotes go around the whole document.
+    # Like ros2, with a line break before the closing quote.
     say(text if no_quotes else f'"{text}\n"')
 
 
 @app.command("hash")
 def hash_(type: TypeName) -> None:
-    """Shows the type hash (RIHS01) by which ROS 2 nodes know a type."""
+    """Shows the type hash (RIHS01) by which ROS 2 nodes identify a type."""
     from mjplug_schemas.rihs01 import type_hash
 
     found: Any = _find(type)

@@ -1,4 +1,4 @@
-"""The definition of a type with those inside it, indented below the fields that have them."""
+"""Definitions of types, with nested types indented below their fields."""
 
 import re
 from collections.abc import Iterator
@@ -8,16 +8,16 @@ from mjplug_schemas.definition import definition
 from mjplug_schemas.registry import find
 
 _NESTED = re.compile(r"(?P<package>[a-z]\w*)/(?P<name>[A-Z]\w*)(\[[^\]]*\])? ")
-"""How the line of a field begins whose type is a message."""
+"""Start of the line of a field whose type is a message."""
 
 
 def definition_lines(interface: Any, comments: bool = True, inner_comments: bool = False) -> Iterator[str]:
-    """Yields the lines of a definition, as ROS has it in its .msg and .srv files.
+    """Yields the lines of a definition in the format of .msg and .srv files.
 
     Args:
         interface: The class of a message or service.
         comments: Whether to keep its comments and empty lines.
-        inner_comments: Whether to keep those of the types inside it.
+        inner_comments: Whether to keep those of nested types.
     """
     for line in definition(interface).rstrip("\n").split("\n"):
         if comments or (line and not line.startswith("#")):

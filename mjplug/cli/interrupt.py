@@ -1,4 +1,4 @@
-"""Ctrl-C while modules are imported, when a command has not opened anything that it would have to close."""
+"""Ctrl-C during imports, before a command has opened anything that it must close."""
 
 import os
 import signal
@@ -10,11 +10,11 @@ from types import FrameType
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
-    """Lets Ctrl-C end the process at once inside the block, without a word.
+    """Lets Ctrl-C end the process inside the block, at once and without output.
 
-    Python would raise KeyboardInterrupt in the middle of an import, where some libraries replace it by an exception of
-    their own, and where nobody catches it. After the block, Ctrl-C does what it did before. A signal that is ignored,
-    as in a script's background job, stays ignored.
+    Python would raise KeyboardInterrupt in the middle of an import, where no code catches it, and where some libraries
+    replace it by an exception of their own. The block restores the previous handler at its end. A signal that is
+    ignored, as in a background job of a script, stays ignored.
     """
     before = signal.getsignal(signal.SIGINT)
     # Python lets only the main thread set handlers.

@@ -15,13 +15,15 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="keys", help="Certificates and roles for servers and clients.", no_args_is_help=True)
 
-_Out = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="The folder with the authority.")]
+_Out = Annotated[Path, typer.Option("--out", "-o", metavar="DIR", help="The folder of the certificate authority.")]
 _Days = Annotated[
     float, typer.Option(min=0.001, max=36500.0, metavar="DAYS", help="How long the certificate is valid.")
 ]
 _Hosts = Annotated[
     list[str] | None,
-    typer.Option("--host", metavar="NAME", help="A name or address by which clients call the server. Repeatable."),
+    typer.Option(
+        "--host", metavar="NAME", help="A host name or address of the server, as used by clients. Repeatable."
+    ),
 ]
 _Known = Annotated[str, typer.Argument(metavar="NAME", help="The name in the certificate.")]
 _KEYS = Path("keys")
@@ -35,16 +37,16 @@ RESTART = "Restart the server if it runs: it reads certificates and roles only w
 def init(
     host: _Hosts = None,
     out: _Out = _KEYS,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Where the server listens.")] = 7447,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="The port on which the server listens.")] = 7447,
     days: _Days = 365.0,
 ) -> None:
-    """Makes an authority, and a certificate for a server, an operator, a viewer and worker processes.
+    """Creates a certificate authority, and certificates for a server, an operator, a viewer and worker processes.
 
     Prints the command that starts the server, and one that connects to it.
     """
     folder = _folders().create(out, tuple(host or [socket.gethostname()]), port, days)
     server, operator = (folder.file(folder.identities[name]) for name in ("server", "operator"))
-    complain(f"made {out}; clients connect to {folder.endpoint()}. To start a server, and to connect to it:")
+    complain(f"created {out}; clients connect to {folder.endpoint()}. To start a server, and to connect to it:")
     say(f"mjplug serve bundled:box --zenoh-config {server}")
     say(f"mjplug topic list --zenoh-config {operator}")
 
@@ -59,7 +61,7 @@ def add(
     out: _Out = _KEYS,
     days: _Days = 365.0,
 ) -> None:
-    """Issues one more certificate."""
+    """Issues another certificate."""
     from mjplug.security.roles import ROLES
 
     wanted = next((known for known in ROLES if known == role), None)
@@ -71,22 +73,24 @@ def add(
 
 @app.command(epilog=examples("mjplug keys renew server", "mjplug keys renew alice --days 30"))
 def renew(name: _Known, out: _Out = _KEYS, days: _Days = 365.0) -> None:
-    """Issues a new certificate in place of one that expires or was lost; the role stays."""
+    """Issues a new certificate that replaces one that expires or was lost; the role is unchanged."""
     say(f"{_folders()(out).renew(name, days)}")
     complain(RESTART)
 
 
 @app.command(epilog=examples("mjplug keys revoke alice"))
 def revoke(name: _Known, out: _Out = _KEYS) -> None:
-    """Makes the certificate of a client worthless: servers refuse it from their next start on."""
+    """Revokes the certificate of a client: servers refuse it after their next start."""
     _folders()(out).revoke(name)
     say(f"{name} is revoked")
     complain(f"{RESTART} Until then, {name} is let in. Copy the server's folder again to other machines that have it.")
 
 
 @app.command(epilog=examples("mjplug keys show", "mjplug keys show --json"))
-def show(out: _Out = _KEYS, json: Annotated[bool, typer.Option("--json", help="Show it as JSON.")] = False) -> None:
-    """Shows who has a certificate: names, roles, when they expire, which are revoked."""
+def show(
+    out: _Out = _KEYS, json: Annotated[bool, typer.Option("--json", help="Show the list as JSON.")] = False
+) -> None:
+    """Lists the certificates: names, roles, expiry dates and whether they are revoked."""
     from mjplug.security.expiry import day
 
     folder = _folders()(out)
@@ -105,6 +109,6 @@ def _folders() -> "type[KeyFolder]":
         if (error.name or "").partition(".")[0] != "cryptography":
             raise
         raise MjplugError(
-            "the library `cryptography` is missing, which makes certificates: pip install 'mjplug[security]'"
+            "the library `cryptography`, which creates certificates, is missing: pip install 'mjplug[security]'"
         ) from None
     return KeyFolder

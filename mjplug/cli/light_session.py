@@ -1,4 +1,4 @@
-"""Zenoh sessions for commands that have to be quick: the Python client's modules take a second to import."""
+"""Zenoh sessions for shell completion, which is too slow with the Python client: its imports take a second."""
 
 import json
 
@@ -13,17 +13,17 @@ def light_session(endpoint: str | None, file: str | None = None, timeout_ms: int
     """Opens a client's session.
 
     Args:
-        endpoint: Where a server listens; by default what the file says, or else where servers listen by default.
+        endpoint: Where a server listens; default: the endpoint in the file, or else the default endpoint of servers.
         file: A Zenoh configuration file.
-        timeout_ms: How long to wait for a server [ms].
+        timeout_ms: Timeout of Zenoh's handshake [ms].
 
     Raises:
-        zenoh.ZError: Nobody is there, or the file cannot be used.
+        zenoh.ZError: No server answers, or the file cannot be used.
     """
     config = read_zenoh_file(file)
     settings = {
         "mode": "client",
-        # One attempt: Zenoh itself would try again until then, also at a port that refuses connections.
+        # One attempt. With a longer timeout, Zenoh would retry until then, even at a port that refuses connections.
         "connect/timeout_ms": 0,
         "transport/unicast/open_timeout": timeout_ms,
         "scouting/multicast/enabled": False,

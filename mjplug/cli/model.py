@@ -1,4 +1,4 @@
-"""`mjplug model`: what is in a model."""
+"""`mjplug model`: the elements of a model."""
 
 from typing import Annotated, Literal
 
@@ -9,7 +9,7 @@ from mjplug.cli.examples import examples
 from mjplug.cli.names import complete_model
 from mjplug.cli.output import say, say_json, say_table
 
-app = typer.Typer(name="model", help="Shows what is in a model.", no_args_is_help=True)
+app = typer.Typer(name="model", help="Shows the elements of a model.", no_args_is_help=True)
 
 
 @app.command(epilog=examples("mjplug model info bundled:quadruped", "mjplug model info scene.xml joints"))
@@ -29,7 +29,7 @@ def info(
             help="Show only bodies, joints, actuators, sensors, sites, cameras, keyframes, or counts.",
         ),
     ] = None,
-    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="How to show it.")] = "text",
+    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="Output format.")] = "text",
 ) -> None:
     """Shows bodies, joints, actuators, sensors, sites, cameras and keyframes of a model."""
     import_mujoco()
@@ -46,8 +46,8 @@ def info(
     loaded = load_model(model)
     tables = {name: table(loaded.model) for name, table in TABLES.items() if kind in (None, name)}
     if output == "json":
-        told = {name: [dict(zip(rows[0], row, strict=True)) for row in rows[1:]] for name, rows in tables.items()}
-        say_json({"name": loaded.name, "path": str(loaded.path), **counts(loaded.model), **told})
+        content = {name: [dict(zip(rows[0], row, strict=True)) for row in rows[1:]] for name, rows in tables.items()}
+        say_json({"name": loaded.name, "path": str(loaded.path), **counts(loaded.model), **content})
         return
     if kind in (None, "counts"):
         say(f"{loaded.name} ({loaded.path})")

@@ -1,4 +1,4 @@
-"""The parts of a model as tables: the first row has the columns' names, the others what is there."""
+"""The elements of a model as tables; the first row contains the names of the columns."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ Table = list[list[Any]]
 
 
 def counts(model: mujoco.MjModel) -> dict[str, Any]:
-    """Returns how large a model is."""
+    """Returns the time step [s], the mass [kg] and the number of elements of a model."""
     return {
         "timestep": float(model.opt.timestep),
         "mass": float(model.body_subtreemass[0]),
@@ -137,7 +137,7 @@ TABLES: dict[str, Callable[[mujoco.MjModel], Table]] = {
     "cameras": _cameras,
     "keyframes": _keyframes,
 }
-"""The tables by the word that asks for one."""
+"""The functions that return the tables, by kind of element."""
 
 
 def _joints_of(model: mujoco.MjModel, body: int) -> range:
@@ -159,7 +159,7 @@ def _target(model: mujoco.MjModel, kind: mujoco.mjtTrn, index: int) -> str:
 
 
 def _name(name: str, index: int) -> str:
-    """Returns a name, or the number in brackets of what has none."""
+    """Returns the name of an element, or its index in brackets if it has no name."""
     return name or f"[{index}]"
 
 

@@ -1,4 +1,4 @@
-"""Names that the TAB key completes."""
+"""Completion of names."""
 
 from pathlib import Path
 
@@ -7,52 +7,52 @@ import typer
 from mjplug.cli.quick_completion import live_names, node_names, typed_words
 
 _CONFIGS = (".yaml", ".yml")
-"""What the name of a configuration file ends with."""
+"""Suffixes of configuration files."""
 
 
 def complete_topic(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the topics that begin so."""
+    """Returns the topics that start with `incomplete`."""
     return live_names("topics", incomplete, context.params.get("connect"))
 
 
 def complete_service(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the services that begin so."""
+    """Returns the services that start with `incomplete`."""
     return live_names("services", incomplete, context.params.get("connect"))
 
 
 def complete_node(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the servers whose names begin so."""
+    """Returns the servers whose names start with `incomplete`."""
     return node_names(incomplete, context.params.get("connect"))
 
 
 def complete_type(incomplete: str) -> list[str]:
-    """Returns the ROS types that begin so."""
+    """Returns the ROS types that start with `incomplete`."""
     from mjplug_schemas.registry import all_types
 
     return [name for name in all_types() if name.startswith(incomplete)]
 
 
 def complete_message_type(incomplete: str) -> list[str]:
-    """Returns the message types that begin so."""
+    """Returns the message types that start with `incomplete`."""
     return [name for name in complete_type(incomplete) if "/msg/" in name]
 
 
 def complete_service_type(incomplete: str) -> list[str]:
-    """Returns the service types that begin so."""
+    """Returns the service types that start with `incomplete`."""
     return [name for name in complete_type(incomplete) if "/srv/" in name]
 
 
 def complete_plugin(incomplete: str) -> list[str]:
-    """Returns the plugin types that begin so."""
+    """Returns the plugin types that start with `incomplete`."""
     from importlib.metadata import entry_points
 
     return [point.name for point in entry_points(group="mjplug.plugins") if point.name.startswith(incomplete)]
 
 
 def complete_model(incomplete: str) -> list[str]:
-    """Returns the bundled models that begin so, and files and folders beside them.
+    """Returns the bundled models, files and folders that start with `incomplete`.
 
-    Nothing at all where no bundled model begins so: the shell completes file names then.
+    The list is empty if no bundled model matches; the shell then completes file names.
     """
     from mjplug.model.location import BUNDLED, bundled_models
 
@@ -63,10 +63,10 @@ def complete_model(incomplete: str) -> list[str]:
 
 
 def complete_keyframe(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the keyframes that begin so of the model before it on the command line."""
+    """Returns the matching keyframes of the model that is named on the command line."""
     from mjplug.model.location import BUNDLED, PACKAGE, SUFFIXES
 
-    # While the value of an option is missing, click does not tell the arguments before it.
+    # While the value of an option is missing, click does not report earlier arguments.
     words = typed_words() or []
     models = [word for word in words if word.startswith((BUNDLED, PACKAGE)) or word.endswith((*SUFFIXES, *_CONFIGS))]
     model = context.params.get("model") or next(iter(models), None)
@@ -74,7 +74,7 @@ def complete_keyframe(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def complete_keyframe_of_server(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the keyframes that begin so of the model that a server runs, if its file is found here."""
+    """Returns the matching keyframes of the model of a running server, if the model file is on this machine."""
     from mjplug.client import ClientError, connect
     from mjplug.client.parameters import read
 
@@ -83,13 +83,13 @@ def complete_keyframe_of_server(context: typer.Context, incomplete: str) -> list
         with connect(chosen, server=context.params.get("server") or "", timeout=0.0) as client:
             model = read(client.session, client.server.name).get("model")
     except ClientError:
-        # Nothing may come between a user and the prompt.
+        # A message or a traceback would disturb the prompt.
         return []
     return _keyframes(model, incomplete) if isinstance(model, str) else []
 
 
 def _keyframes(model: str, begin: str) -> list[str]:
-    """Returns the names of keyframes that begin so; of a configuration file, those of its model."""
+    """Returns the names of keyframes that start with `begin`; for a configuration file, those of its model."""
     from mjplug.cli.engine import import_mujoco
 
     import_mujoco()
@@ -107,12 +107,12 @@ def _keyframes(model: str, begin: str) -> list[str]:
         names = [key.name for key in mujoco.MjSpec.from_file(str(locate(model, (folder,)))).keys]
     except (MjplugError, ValueError, OSError):
         return []
-    # A shell evaluates what it completes with.
+    # A shell evaluates completions.
     return sorted(name for name in names if name.startswith(begin) and name.replace("_", "").isalnum())
 
 
 def complete_parameter(context: typer.Context, incomplete: str) -> list[str]:
-    """Returns the parameters that begin so of the server before it on the command line."""
+    """Returns the matching parameters of the server that is named on the command line."""
     from mjplug.cli.server_name import server_name
     from mjplug.client import ClientError, connect
     from mjplug.client.parameters import names_of
@@ -121,6 +121,6 @@ def complete_parameter(context: typer.Context, incomplete: str) -> list[str]:
         with connect(context.params.get("connect"), server=context.params.get("server") or "", timeout=0.0) as client:
             names = names_of(client, server_name(client, context.params.get("node") or "~"))
     except ClientError:
-        # Nothing may come between a user and the prompt.
+        # A message or a traceback would disturb the prompt.
         return []
     return [name for name in names if name.startswith(incomplete) and name.replace("_", "").replace(".", "").isalnum()]

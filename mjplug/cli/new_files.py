@@ -1,4 +1,4 @@
-"""Files that a command makes: whole, or not at all."""
+"""Files that commands create, completely or not at all."""
 
 import shutil
 from collections.abc import Mapping
@@ -12,19 +12,19 @@ def write_file(path: Path, text: str) -> None:
     """Writes a file that does not exist yet.
 
     Raises:
-        MjplugError: It exists, or cannot be written; then no part of it is left.
+        MjplugError: It exists, or cannot be written; no incomplete file remains.
     """
     try:
         with path.open("x", encoding="utf-8") as file:
             try:
                 file.write(text)
-                # Here, and not when the file is closed: a full disk may be noticed only now.
+                # A full disk may be noticed only here; an error in `close` would be too late.
                 file.flush()
             except OSError:
                 path.unlink(missing_ok=True)
                 raise
     except FileExistsError:
-        raise MjplugError(f"{path} is there already; remove it, or choose another name") from None
+        raise MjplugError(f"{path} already exists; remove it, or choose another name") from None
     except OSError as error:
         raise MjplugError(f"cannot write {path}: {error.strerror or error}") from error
 
@@ -33,21 +33,20 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
     """Writes a folder that does not exist yet, with files in it.
 
     Args:
-        folder: The folder; those above it are made too.
+        folder: The folder; missing parent folders are created.
         files: Texts by relative paths.
 
     Raises:
-        MjplugError: It exists, or cannot be written; then nothing of it is left, nor of the folders above that it
-            needed.
+        MjplugError: It exists, or cannot be written; neither it nor the parent folders that were created remain.
     """
     missing = [above for above in (folder, *folder.parents) if not above.exists()]
     try:
         folder.mkdir(parents=True)
     except FileExistsError:
-        raise MjplugError(f"{folder} is there already; choose another name, or another folder with --into") from None
+        raise MjplugError(f"{folder} already exists; choose another name, or another folder with --into") from None
     except OSError as error:
         _remove(missing)
-        raise MjplugError(f"cannot make {folder}: {error.strerror or error}") from error
+        raise MjplugError(f"cannot create {folder}: {error.strerror or error}") from error
     try:
         for path, text in files.items():
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -61,7 +60,7 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def _remove(folders: list[Path]) -> None:
-    """Removes folders that were made here, the innermost first; one that cannot be removed stays."""
+    """Removes the folders that `write_folder` has created, the innermost first; ignores errors."""
     with suppress(OSError):
         if folders[0].exists():
             shutil.rmtree(folders[0])

@@ -1,4 +1,4 @@
-"""`mjplug node`: servers, each of which is a node to ROS."""
+"""`mjplug node`: servers; each is a ROS node."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated
@@ -13,10 +13,13 @@ from mjplug.cli.server_name import server_name
 if TYPE_CHECKING:
     from mjplug.client import Client, ServiceInfo, TopicInfo
 
-app = typer.Typer(name="node", help="Lists and shows servers, which are nodes to ROS.", no_args_is_help=True)
+app = typer.Typer(name="node", help="Lists and shows servers; each is a ROS node.", no_args_is_help=True)
 
 NodeName = Annotated[
-    str, typer.Argument(metavar="NODE", help="Its name: /mjplug, or ~ for the only one.", autocompletion=complete_node)
+    str,
+    typer.Argument(
+        metavar="NODE", help="Name of the server: /mjplug, or ~ for the only one.", autocompletion=complete_node
+    ),
 ]
 
 
@@ -24,7 +27,7 @@ NodeName = Annotated[
 @connected
 def list_nodes(
     client: "Client",
-    count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Show only how many there are.")] = False,
+    count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Show only the number.")] = False,
 ) -> None:
     """Lists the servers."""
     nodes = client.nodes()
@@ -44,14 +47,14 @@ def info(client: "Client", node: NodeName) -> None:
     if name not in servers:
         from mjplug.client import NoServerError
 
-        raise NoServerError(f"server {name} does not answer; it may just have stopped")
+        raise NoServerError(f"server {name} does not answer; it may have stopped")
     server = servers[name]
     topics = server.topics.values()
     say(name)
     _say_names("Subscribers", (topic for topic in topics if topic.subscribers))
     _say_names("Publishers", (topic for topic in topics if topic.publishers))
     _say_names("Service Servers", server.services.values())
-    # Servers call no services, and their actions are services and topics.
+    # Servers are no service clients, and their actions appear as services and topics.
     for heading in ("Service Clients", "Action Servers", "Action Clients"):
         _say_names(heading, ())
 

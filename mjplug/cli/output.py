@@ -1,4 +1,4 @@
-"""Standard output as other programs want it: line by line, and without complaint when nobody reads any more."""
+"""Standard output, line by line, without an error if the reader closes the pipe."""
 
 import json
 import os
@@ -14,19 +14,19 @@ Format = Literal["yaml", "json", "csv"]
 
 
 def say(text: str = "") -> None:
-    """Prints a line at once. When the reader is gone, as in `| head -1`, the command ends, and has not failed.
+    """Prints a line and flushes it. If the pipe is closed, as by `| head -1`, the command exits without an error.
 
-    On a terminal, control characters other than line breaks and tabs are printed as escapes; a file or a pipe gets the
-    text as it is.
+    On a terminal, control characters other than line breaks and tabs are printed as escapes; text to files and pipes is
+    not changed.
     """
     if sys.stdout is None:
-        # Closed by the shell, as in `>&-`: nobody wants to read.
+        # The shell has closed standard output, as in `>&-`.
         return
     try:
         sys.stdout.write(f"{_for_terminal(text) if sys.stdout.isatty() else text}\n")
         sys.stdout.flush()
     except BrokenPipeError:
-        # What is left in the buffer would be complained about at the end of the process.
+        # Otherwise Python reports the rest of the buffer as an error when the process exits.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(0) from None
     except OSError as error:
@@ -46,7 +46,7 @@ def complain(text: str) -> None:
 
 
 def complain_of(problem: object) -> None:
-    """Prints a problem of the configuration to standard error; its text has line breaks of its own and is escaped."""
+    """Prints a problem of the configuration to standard error; its text contains line breaks and is escaped already."""
     print(problem, file=sys.stderr, flush=True)
 
 
@@ -57,7 +57,7 @@ def _for_terminal(text: str) -> str:
 
 
 def table(rows: Iterable[Sequence[object]]) -> list[str]:
-    """Returns rows as lines with aligned columns, two blanks between them."""
+    """Returns rows as lines with aligned columns, separated by two spaces."""
     cells = [[str(cell) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)] if cells else []
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells]

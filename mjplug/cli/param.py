@@ -1,4 +1,4 @@
-"""`mjplug param`: the parameters of servers."""
+"""`mjplug param`: parameters of servers."""
 
 import re
 from pathlib import Path
@@ -28,14 +28,16 @@ ParameterName = Annotated[
 def list_parameters(
     client: "Client",
     node: Annotated[
-        str | None, typer.Argument(metavar="NODE", help="The server; by default, all.", autocompletion=complete_node)
+        str | None,
+        typer.Argument(metavar="NODE", help="Name of the server. Default: all servers.", autocompletion=complete_node),
     ] = None,
     prefixes: Annotated[
-        list[str] | None, typer.Option("--param-prefixes", metavar="PREFIX", help="Only those below it. Repeatable.")
+        list[str] | None,
+        typer.Option("--param-prefixes", metavar="PREFIX", help="List only parameters below this prefix. Repeatable."),
     ] = None,
     types: Annotated[bool, typer.Option("--param-type", help="Show the type of each.")] = False,
     filter: Annotated[
-        str | None, typer.Option("--filter", metavar="REGEX", help="Only names that begin with a match of this.")
+        str | None, typer.Option("--filter", metavar="REGEX", help="List only names whose beginning matches this.")
     ] = None,
 ) -> None:
     """Lists parameters."""
@@ -66,7 +68,7 @@ def get(
     say(_shown(found.value) if hide_type else f"{label(found.type)} {_shown(found.value)}")
 
 
-# So that -1 is no flag.
+# So that -1 is a value and not a flag.
 @app.command(
     "set",
     context_settings={"ignore_unknown_options": True},
@@ -126,7 +128,7 @@ def describe(
 @app.command(epilog=examples("mjplug param dump /mjplug > mjplug.yaml"))
 @connected
 def dump(client: "Client", node: NodeName) -> None:
-    """Shows all parameters of a server, in the form of a ROS parameter file."""
+    """Shows all parameters of a server, in the format of ROS parameter files."""
     from mjplug.cli.parameter_file import written
     from mjplug.client.parameters import names_of, values_of
 
@@ -144,10 +146,10 @@ def load(
     node: NodeName,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A ROS parameter file.")],
     no_wildcard: Annotated[
-        bool, typer.Option("--no-use-wildcard", help="Leave out what the file has for all nodes, under /**.")
+        bool, typer.Option("--no-use-wildcard", help="Ignore parameters for all nodes (/**).")
     ] = False,
 ) -> None:
-    """Sets the parameters that a ROS parameter file has for a server."""
+    """Sets the parameters of a server from a ROS parameter file."""
     from mjplug.cli.parameter_file import read
     from mjplug.client.parameters import set_values
 
@@ -177,5 +179,5 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
 
 
 def _shown(value: Any) -> str:
-    # As Python shows it, and so does ros2.
+    # In Python's notation, like ros2.
     return str(list(value) if isinstance(value, tuple) else value)

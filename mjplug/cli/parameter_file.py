@@ -31,23 +31,23 @@ def written(node: str, values: Mapping[str, Any]) -> Iterator[str]:
 
 
 def read(file: Path, node: str, wildcard: bool = True) -> dict[str, Any]:
-    """Returns the parameters that a file has for a node, by full name.
+    """Returns the parameters for a node from a file, by full name.
 
     Args:
         file: The file.
         node: The node's full name.
-        wildcard: Whether what it has for all nodes, under `/**`, counts too.
+        wildcard: Whether to include parameters for all nodes (`/**`).
 
     Raises:
         ConfigError: The file cannot be read, or is not YAML.
-        ClientError: It has nothing for this node.
+        ClientError: The file contains no parameters for this node.
     """
     document = read_document(file)
     if document.problems:
         raise ConfigError(document.problems)
     tree = document.value if isinstance(document.value, dict) else {}
     namespace, _, last = node.rpartition("/")
-    # In the order in which rcl applies them: what is for one node counts more.
+    # In the order in which rcl applies them: later entries override earlier ones.
     names = [*([_ALL] if wildcard else []), *([last] if not namespace else []), node]
     found: dict[str, Any] = {}
     for name in names:
@@ -56,17 +56,15 @@ def read(file: Path, node: str, wildcard: bool = True) -> dict[str, Any]:
         if isinstance(parameters, dict):
             found |= dict(_flat("", parameters))
     if not found:
-        raise ClientError(
-            f"{file} has no parameters for {node}; it has some for: {', '.join(map(str, tree)) or 'none'}"
-        )
+        raise ClientError(f"{file} contains no parameters for {node}, only for: {', '.join(map(str, tree)) or 'none'}")
     return found
 
 
 def parameter_value(text: str) -> Any:
-    """Returns what a user means by a value: a bool, a number, a text, or a list of one of them.
+    """Returns the value of YAML text: a bool, a number, a string, or a list of values of one of these types.
 
     Raises:
-        WrongTypeError: It is something else.
+        WrongTypeError: The value has another type.
     """
     try:
         document = parse_document(text, Source("the value"))
@@ -75,7 +73,7 @@ def parameter_value(text: str) -> Any:
     if document.problems:
         raise WrongTypeError(document.problems[0].message)
     if document.value is None or isinstance(document.value, dict):
-        raise WrongTypeError(f"{text!r} is not the value of a parameter; write a bool, a number, a text, or a list")
+        raise WrongTypeError(f"{text!r} is not the value of a parameter; write a bool, a number, a string, or a list")
     return document.value
 
 

@@ -1,4 +1,4 @@
-"""`mjplug plugin`: which plugins there are, and what each takes."""
+"""`mjplug plugin`: the installed plugins and their parameters."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +10,12 @@ from mjplug.cli.examples import examples
 from mjplug.cli.names import complete_plugin
 from mjplug.cli.output import say
 
-app = typer.Typer(
-    name="plugin", help="Shows the plugins that are installed, and begins new ones.", no_args_is_help=True
-)
+app = typer.Typer(name="plugin", help="Shows installed plugins, and creates new ones.", no_args_is_help=True)
 
 
 @app.command("list")
 def list_plugins() -> None:
-    """Lists every installed plugin with its names and what it does."""
+    """Lists the installed plugins with their names and descriptions."""
     import_mujoco()
     from mjplug.plugin import PluginError, registry
 
@@ -47,7 +45,7 @@ def info(
         ),
     ],
 ) -> None:
-    """Shows what a plugin does and its parameters with types, defaults and units."""
+    """Shows the description of a plugin, and its parameters with types, defaults and units."""
     import_mujoco()
     from mjplug.cli.plugin_page import page
     from mjplug.plugin import registry
@@ -58,10 +56,14 @@ def info(
 
 @app.command("new", epilog=examples("mjplug plugin new lamp", "pip install ./lamp[test] && pytest lamp"))
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name, such as lamp: small letters, digits and _.")],
-    into: Annotated[Path, typer.Option("--into", metavar="FOLDER", help="Where to make its folder.")] = Path(),
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of the plugin, such as lamp: lower-case letters, digits and _.")
+    ],
+    into: Annotated[
+        Path, typer.Option("--into", metavar="FOLDER", help="The folder in which to create the package.")
+    ] = Path(),
 ) -> None:
-    """Writes a package with a plugin to begin with, and its test."""
+    """Creates a package with a simple plugin and its test."""
     from mjplug.cli.plugin_new import write
 
     folder = write(name, into)

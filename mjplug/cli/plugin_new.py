@@ -1,4 +1,4 @@
-"""`mjplug plugin new`: a package with a plugin that installs, passes its own test and shows up in the list."""
+"""`mjplug plugin new`: creates a package with a plugin that can be installed, passes its own test and appears in the list."""
 
 import keyword
 import re
@@ -15,21 +15,21 @@ _FILES = {
     "plugin.py.txt": "src/{name}/plugin.py",
     "test_plugin.py.txt": "tests/test_{name}.py",
 }
-"""The templates, and where they go."""
+"""The path in the package, by name of the template."""
 
 
 def write(name: str, into: Path) -> Path:
     """Writes the package.
 
     Args:
-        name: The plugin's name, which becomes that of the package, the module and the entry point.
-        into: Where its folder goes.
+        name: The name of the plugin, the package, the module and the entry point.
+        into: The parent folder.
 
     Returns:
         The folder.
 
     Raises:
-        MjplugError: The name cannot be that of a module, is taken, or the folder is there or cannot be written.
+        MjplugError: The name is not a module name or is taken, or the folder exists or cannot be written.
     """
     _check(name)
     folder = into / name
@@ -53,8 +53,10 @@ def _check(name: str) -> None:
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or keyword.iskeyword(name):
         better = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         hint = f"; try {better}" if re.fullmatch(r"[a-z][a-z0-9_]*", better) and not keyword.iskeyword(better) else ""
-        raise MjplugError(f"{name!r} cannot be the name of a module: small letters, digits and _ are allowed{hint}")
+        raise MjplugError(
+            f"{name!r} cannot be the name of a module: lower-case letters, digits and _ are allowed{hint}"
+        )
     if name in {point.name for point in entry_points(group="mjplug.plugins")}:
-        raise MjplugError(f"there is a plugin {name!r} already; choose another name")
+        raise MjplugError(f"a plugin {name!r} already exists; choose another name")
     if find_spec(name) is not None:
-        raise MjplugError(f"there is a module {name!r} already, which the plugin would hide; choose another name")
+        raise MjplugError(f"a module {name!r} already exists, and the plugin would hide it; choose another name")

@@ -1,4 +1,4 @@
-"""What `mjplug plugin info` says about a plugin: its documentation, its parameters, how to configure it."""
+"""The output of `mjplug plugin info`: documentation, parameters and an example configuration."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -10,11 +10,11 @@ from pydantic.fields import FieldInfo
 
 from mjplug.plugin import Plugin
 
-_WORDS = {bool: "true or false", int: "integer", float: "number", str: "text"}
+_WORDS = {bool: "true or false", int: "integer", float: "number", str: "string"}
 
 
 def page(type: str, plugin: type[Plugin[Any]]) -> Iterator[str]:
-    """Yields the lines about a plugin, called by a name."""
+    """Yields the lines about a plugin; `type` is the name that the user has given."""
     yield f"{plugin.__name__} ({plugin.__module__})\n"
     yield _dedent(plugin.__doc__ or "")
     parameters = plugin.parameters_type
@@ -38,7 +38,7 @@ def _described(parameters: type[BaseModel], indent: str) -> Iterator[str]:
 
 
 def _written(parameters: type[BaseModel], indent: str) -> Iterator[str]:
-    """Yields the lines of a configuration file; what is derived unless given is left out."""
+    """Yields the lines of a configuration file, without parameters whose default is derived."""
     for name, field in parameters.model_fields.items():
         if field.is_required() or field.default is not None:
             yield f"{indent}{name}: {'...' if field.is_required() else _yaml(field.default)}"
@@ -48,7 +48,7 @@ def _written(parameters: type[BaseModel], indent: str) -> Iterator[str]:
 
 
 def _named_below(parameters: type[BaseModel]) -> type[BaseModel] | None:
-    """Returns the parameters that stand below names of the user's own, if there are such."""
+    """Returns the class of the parameters below names that the user chooses, if there are any."""
     if parameters.model_config.get("extra") != "allow":
         return None
     below = get_args(get_type_hints(parameters).get("__pydantic_extra__"))
@@ -56,7 +56,7 @@ def _named_below(parameters: type[BaseModel]) -> type[BaseModel] | None:
 
 
 def _parameters_in(annotation: Any) -> type[BaseModel] | None:
-    """Returns the parameters that a parameter consists of, or has below each name of the user's own."""
+    """Returns the class of the parameters inside a parameter, or of those below names that the user chooses."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next(filter(None, map(_parameters_in, get_args(annotation))), None)
@@ -85,9 +85,9 @@ def _type_name(annotation: Any) -> str:
         count = f"{len(elements)} times " if origin is tuple and Ellipsis not in arguments else ""
         return f"list of {count}{_type_name(elements[0])}" if len(set(elements)) == 1 else "list"
     if origin is dict:
-        return f"names, each with {_type_name(arguments[1])}"
+        return f"mapping of names to {_type_name(arguments[1])}"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return "what follows"
+        return "section"
     if isinstance(annotation, type):
         return _WORDS.get(annotation, annotation.__name__)
     return str(annotation).replace("typing.", "")

@@ -1,4 +1,4 @@
-"""Quality of service as ros2 writes it on the command line, and what of it a subscriber on Zenoh can choose."""
+"""The quality-of-service options of ros2, as far as a Zenoh subscriber can choose them."""
 
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
@@ -12,22 +12,23 @@ Profile = Literal[
 Durability = Literal["system_default", "transient_local", "volatile", "unknown", "best_available"]
 
 QosProfile = Annotated[
-    Profile | None, typer.Option("--qos-profile", help="A profile of ROS 2. By default, what the topic offers.")
+    Profile | None, typer.Option("--qos-profile", help="A QoS profile of ROS 2. Default: that of the topic.")
 ]
 QosDepth = Annotated[
-    int | None, typer.Option("--qos-depth", min=0, metavar="N", help="How many messages may wait to be shown.")
+    int | None,
+    typer.Option("--qos-depth", min=0, metavar="N", help="Maximum number of messages that wait to be shown."),
 ]
 QosHistory = Annotated[
     Literal["system_default", "keep_last", "keep_all", "unknown"] | None,
-    typer.Option("--qos-history", help="keep_all lets any number of messages wait."),
+    typer.Option("--qos-history", help="With keep_all, the number of waiting messages is not limited."),
 ]
 QosReliability = Annotated[
     Literal["system_default", "reliable", "best_effort", "unknown", "best_available"] | None,
-    typer.Option("--qos-reliability", help="Accepted as by ros2; on Zenoh, the publisher decides."),
+    typer.Option("--qos-reliability", help="No effect: with Zenoh, the publisher determines it."),
 ]
 QosDurability = Annotated[
     Durability | None,
-    typer.Option("--qos-durability", help="volatile leaves out what was published before."),
+    typer.Option("--qos-durability", help="With volatile, earlier messages are not shown."),
 ]
 
 _PROFILES: Final[dict[str, tuple[int, Durability]]] = {
@@ -38,29 +39,29 @@ _PROFILES: Final[dict[str, tuple[int, Durability]]] = {
     "parameter_events": (1000, "volatile"),
     "action_status_default": (1, "transient_local"),
 }
-"""Depth and durability of the profiles that say anything about them."""
+"""Depth and durability of the profiles that define them."""
 
 _ALL = 1_000_000
-"""What `keep_all` keeps: more than a terminal ever shows."""
+"""Depth for `keep_all`: more than a terminal ever shows."""
 
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """What a subscriber has chosen.
+    """The choice of a subscriber.
 
     Attributes:
-        depth: How many messages may wait to be shown; None is not chosen.
-        durability: Whether it wants what was published before; None is as the topic offers.
+        depth: Maximum number of messages that wait to be shown; None if not chosen.
+        durability: Whether earlier messages are requested; None uses that of the topic.
     """
 
     depth: int | None
     durability: Durability | None
 
     def history(self, default: int) -> int | None:
-        """Returns how many messages that were published before to ask for; None is as many as the topic keeps.
+        """Returns how many earlier messages to request; None requests as many as the topic keeps.
 
         Args:
-            default: How many, if `transient_local` is chosen without a depth.
+            default: The number if `transient_local` is chosen without a depth.
         """
         if self.durability == "volatile":
             return 0
@@ -74,14 +75,14 @@ def qos_of(
     reliability: str | None,
     durability: Durability | None,
 ) -> Qos:
-    """Returns what options of the command line choose; each counts more than the profile.
+    """Returns the choice from command line options; each option overrides the profile.
 
     Args:
         profile: The name of a profile.
-        depth: How many messages may wait; 0 is not chosen, as for ros2.
-        history: `keep_all` lets any number wait.
-        reliability: Has no effect: with Zenoh, the publisher decides it, and every subscriber gets what it sends.
-        durability: Whether to get what was published before.
+        depth: Maximum number of waiting messages; 0 means not chosen, as for ros2.
+        history: With `keep_all`, the number of waiting messages is not limited.
+        reliability: No effect: with Zenoh, the publisher determines the reliability for all subscribers.
+        durability: Whether earlier messages are requested.
     """
     depth_of_profile, durability_of_profile = _PROFILES.get(profile or "", (None, None))
     chosen = durability if durability in ("volatile", "transient_local") else durability_of_profile

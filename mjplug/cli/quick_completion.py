@@ -1,7 +1,7 @@
-"""TAB after the name of a command that takes a topic or service, answered before typer is imported.
+"""Completion of topic and service names, answered before typer is imported.
 
-Importing typer and pydantic takes far longer than asking the server. Everything else that TAB completes, and these
-names with options before them, is left to typer; the shells are told the same either way.
+Importing typer and pydantic takes far longer than the query to the server. typer completes everything else, and these
+names if options precede them. The shell gets the same answer either way.
 """
 
 import io
@@ -15,23 +15,23 @@ from contextlib import redirect_stdout
 from typing import Final, Literal
 
 VARIABLE = "_MJPLUG_COMPLETE"
-"""The environment variable by which the shell asks; typer's name for it."""
+"""The environment variable with which a shell asks for completions; typer defines its name."""
 
 _NAME = re.compile(r"[A-Za-z0-9_/]+")
-"""Other names are left out: a shell evaluates what it completes with, and the names come from the network."""
+"""Other names are left out: a shell evaluates completions, and the names come from the network."""
 
 _TIMEOUT = 1.0
-"""How long to wait for a server [s]: the user waits at the prompt."""
+"""Timeout of each query [s]; short, because the user waits at the prompt."""
 
 COMMANDS: Final[dict[str, tuple[Literal["topics", "services"], frozenset[str]]]] = {
     "topic": ("topics", frozenset({"info", "type", "echo", "pub", "hz", "bw", "delay"})),
     "service": ("services", frozenset({"info", "type", "call"})),
 }
-"""The groups of commands, what their names are, and the commands whose first word is such a name."""
+"""For each group of commands: the kind of names, and the commands whose first argument is such a name."""
 
 
 def answer() -> bool:
-    """Answers the shell if it asks for the name of a topic or service.
+    """Answers the shell if it asks for the names of topics or services.
 
     Returns:
         Whether it did.
@@ -45,18 +45,18 @@ def answer() -> bool:
     kind, commands = COMMANDS.get(group, ("topics", frozenset[str]()))
     if command not in commands:
         return False
-    _tell(shell, live_names(kind, begin))
+    _print_names(shell, live_names(kind, begin))
     return True
 
 
 def answer_with(complete: Callable[[], None]) -> None:
     """Lets typer answer the shell.
 
-    bash takes a colon for the end of a word, as in `bundled:box`, and replaces what follows the colon only. So what
-    comes before is left out of the answers.
+    bash splits words at colons, as in `bundled:box`, and replaces only the part after the colon. So the part before it
+    is removed from the answers.
 
     Args:
-        complete: Prints the answers, and ends with SystemExit.
+        complete: Prints the answers, and raises SystemExit.
     """
     if not os.environ.get(VARIABLE, "").startswith("complete_bash"):
         complete()
@@ -73,12 +73,12 @@ def answer_with(complete: Callable[[], None]) -> None:
 
 
 def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | None = None) -> list[str]:
-    """Returns the names of topics or services on the network that begin so; none at all if no server answers.
+    """Returns the names of topics or services that start with `begin`; none if no server answers.
 
     Args:
-        kind: Which.
-        begin: What has been typed of the name.
-        endpoint: Where a server listens; by default as for every command.
+        kind: Topics or services.
+        begin: The part of the name that the user has typed.
+        endpoint: Where a server listens; the default is that of all commands.
     """
     try:
         from mjplug.cli.light_session import light_session
@@ -90,17 +90,17 @@ def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | 
             for _, text in lists(session, _TIMEOUT):
                 offered |= {str(entry["name"]) for entry in json.loads(text)[kind]}
     except Exception:
-        # Nothing may come between a user and the prompt.
+        # A message or a traceback would disturb the prompt.
         return []
     return sorted(name for name in offered if name.startswith(begin) and _NAME.fullmatch(name))
 
 
 def node_names(begin: str, endpoint: str | None = None) -> list[str]:
-    """Returns the names of servers on the network that begin so; none at all if no server answers.
+    """Returns the names of servers that start with `begin`; none if no server answers.
 
     Args:
-        begin: What has been typed of the name.
-        endpoint: Where a server listens; by default as for every command.
+        begin: The part of the name that the user has typed.
+        endpoint: Where a server listens; the default is that of all commands.
     """
     try:
         from mjplug.cli.light_session import light_session
@@ -110,19 +110,19 @@ def node_names(begin: str, endpoint: str | None = None) -> list[str]:
         with light_session(chosen or None, timeout_ms=round(1e3 * _TIMEOUT)) as session:
             found = server_names(session, _TIMEOUT)
     except Exception:
-        # Nothing may come between a user and the prompt.
+        # A message or a traceback would disturb the prompt.
         return []
     return [name for name in found if name.startswith(begin) and _NAME.fullmatch(name)]
 
 
 def _join_words() -> None:
-    """Joins what bash has taken apart at colons: `tcp/127.0.0.1`, `:`, `7447` is one word of the command line."""
+    """Joins words that bash has split at colons: `tcp/127.0.0.1`, `:`, `7447` is one argument."""
     if os.environ.get(VARIABLE) != "complete_bash":
         return
     words = re.split(r"[ \n]", os.environ.get("COMP_WORDS", ""))
     number = os.environ.get("COMP_CWORD", "")
     if ":" not in words or not number.isdecimal() or any(quote in word for word in words for quote in "'\"\\"):
-        # Within quotes nothing is taken apart.
+        # bash does not split words within quotes.
         return
     joined: list[str] = []
     cursor = int(number)
@@ -136,10 +136,10 @@ def _join_words() -> None:
 
 
 def typed_words(shell: str = "") -> list[str] | None:
-    """Returns the words after `mjplug` up to the one under the cursor; None if this is no question of a known shell.
+    """Returns the words after `mjplug` up to the one under the cursor; None if no known shell asks for completions.
 
     Args:
-        shell: Which shell asks; by default the one that the environment names.
+        shell: Which shell asks; default: the shell that the environment variable names.
     """
     shell = shell or os.environ.get(VARIABLE, "").removeprefix("complete_")
     try:
@@ -151,12 +151,12 @@ def typed_words(shell: str = "") -> list[str] | None:
             line = os.environ["_TYPER_COMPLETE_ARGS"]
             return [*shlex.split(line)[1:], *([""] if line.endswith(" ") else [])]
     except (KeyError, ValueError):
-        # A quotation mark that is still open, for one.
+        # For example, a quotation mark is still open.
         return None
     return None
 
 
-def _tell(shell: str, names: list[str]) -> None:
+def _print_names(shell: str, names: list[str]) -> None:
     if shell == "zsh":
         quoted = "\n".join(f'"{name}"' for name in names)
         print(f"_arguments '*: :(({quoted}))'" if names else "_files")

@@ -1,4 +1,4 @@
-"""Measures topics, and reports once a second: rate, bandwidth, age."""
+"""Measures topics, and reports rate, bandwidth or age once a second."""
 
 import itertools
 import statistics
@@ -16,22 +16,22 @@ from mjplug.cli.silence import why_silent
 from mjplug.client import Client, TimedOutError, TopicInfo
 
 REPORT_EVERY = 1.0
-"""How often a report is printed [s]."""
+"""Period of the reports [s]."""
 
 
 class Meter:
-    """Measures each message of a topic when it comes, on Zenoh's thread.
+    """Measures each message of a topic when it arrives, on Zenoh's thread.
 
     Attributes:
         topic: The topic.
-        arrived: How many messages have come.
-        fresh: Whether one has come since the last report.
-        failure: The exception that `measure` has raised.
+        arrived: Number of messages that have arrived.
+        fresh: Whether a message has arrived since the last report.
+        failure: The last exception of `measure`.
 
     Args:
         topic: As above.
-        window: How many of the last values are kept.
-        measure: Returns the value of a sample; None does not count.
+        window: Maximum number of values to keep; older ones are discarded.
+        measure: Returns the value of a sample, or None to ignore the sample.
     """
 
     def __init__(self, topic: TopicInfo, window: int, measure: Callable[[zenoh.Sample], Any]) -> None:
@@ -45,14 +45,14 @@ class Meter:
 
     @property
     def values(self) -> list[Any]:
-        """The values of the last messages, in a copy: Zenoh's thread goes on writing."""
+        """A copy of the values of the last messages; Zenoh's thread continues to add values."""
         return list(self._values.copy())
 
     def take(self, sample: zenoh.Sample) -> None:
         """Measures a sample."""
         self.arrived += 1
         if self.arrived == 1:
-            # A first listener may be given a message at once, whatever the rate.
+            # A new subscriber may get a message at once, independent of the rate.
             return
         try:
             value = self._measure(sample)
@@ -62,10 +62,10 @@ class Meter:
             self.failure = error
 
     def look(self) -> None:
-        """Notes whether anything has come since the last call.
+        """Updates `fresh`.
 
         Raises:
-            Exception: What `measure` has raised.
+            Exception: `measure` has raised it.
         """
         if self.failure is not None:
             raise self.failure
@@ -80,22 +80,22 @@ def report(
     timeout: float | None,
     text: Callable[[Sequence[Meter]], str],
 ) -> None:
-    """Prints a report once a second; while there is nothing to report, why, once.
+    """Prints a report once a second; if there are no messages, prints the reason once.
 
     Args:
         client: A client on the network.
-        meters: What is measured.
-        count: After how many reports to end; None is never.
-        timeout: For how long no message may come [s]; None is for ever.
-        text: Returns the report on meters that have at least two values.
+        meters: The meters of the topics.
+        count: Number of reports; None continues without end.
+        timeout: Maximum time without a message [s]; None for no limit.
+        text: Returns the report on meters with at least two values.
 
     Raises:
-        TimedOutError: No message came for so long.
+        TimedOutError: No message arrived for this long.
     """
     subscribers = [
         client.session.declare_subscriber(meter.topic.key, Callback(meter.take, indirect=False)) for meter in meters
     ]
-    silent_since, said, reports = time.monotonic(), "", 0
+    silent_since, printed, reports = time.monotonic(), "", 0
     try:
         while count is None or reports < count:
             time.sleep(REPORT_EVERY)
@@ -109,9 +109,9 @@ def report(
                 raise TimedOutError(f"no message on {names} within {timeout:g} s")
             ready = [meter for meter in meters if meter.fresh and len(meter.values) > 1]
             line = text(ready) if ready else _silence(client, meters)
-            if ready or line != said:
+            if ready or line != printed:
                 say(line)
-            said = line
+            printed = line
             reports += 1
     finally:
         for subscriber in subscribers:
@@ -127,16 +127,16 @@ def _silence(client: Client, meters: Sequence[Meter]) -> str:
 
 
 def rate(meters: Sequence[Meter]) -> str:
-    """Returns the report on one topic whose values are times [s]."""
+    """Returns the report on one topic. Its values are times [s]."""
     found = _rate(meters[0].values)
     if found is None:
-        return "average rate: unknown, since time stands still"
+        return "average rate: unknown, because all messages have the same time"
     hertz, least, most, spread, number = found
     return f"average rate: {hertz:.3f}\n\tmin: {least:.4f}s max: {most:.4f}s std dev: {spread:.5f}s window: {number}"
 
 
 def rate_table(meters: Sequence[Meter]) -> str:
-    """Returns the report on several topics whose values are times [s]."""
+    """Returns the report on several topics. Their values are times [s]."""
     heading = ("topic", "rate", "min_delta", "max_delta", "std_dev", "window")
     rows = []
     for meter in meters:
@@ -151,7 +151,7 @@ def rate_table(meters: Sequence[Meter]) -> str:
 
 
 def _rate(times: list[float]) -> tuple[float, float, float, float, int] | None:
-    """Returns messages per second; shortest, longest and standard deviation of the pauses [s]; how many messages."""
+    """Returns the rate [Hz]; minimum, maximum and standard deviation of the intervals [s]; the number of messages."""
     gaps = [later - earlier for earlier, later in itertools.pairwise(times)]
     span = times[-1] - times[0]
     if span <= 0.0:
@@ -160,10 +160,10 @@ def _rate(times: list[float]) -> tuple[float, float, float, float, int] | None:
 
 
 def bandwidth(samples: list[tuple[float, int]]) -> str:
-    """Returns the report on messages of which the time of arrival [s] and the size [bytes] are known."""
+    """Returns the report on messages, given their times of arrival [s] and sizes [bytes]."""
     sizes = [size for _, size in samples]
     span = samples[-1][0] - samples[0][0]
-    # The first one came before the span.
+    # The first message is not part of the interval.
     per_second = _bytes(sum(sizes[1:]) / span) if span > 0.0 else "unknown"
     return (
         f"{per_second}/s from {len(sizes)} messages\n"
@@ -172,7 +172,7 @@ def bandwidth(samples: list[tuple[float, int]]) -> str:
 
 
 def age(ages: list[float]) -> str:
-    """Returns the report on messages whose ages are known [s]."""
+    """Returns the report on messages, given their ages [s]."""
     return (
         f"average delay: {statistics.fmean(ages):.4f}\n"
         f"\tmin: {min(ages):.4f}s max: {max(ages):.4f}s std dev: {statistics.pstdev(ages):.5f}s window: {len(ages)}"
@@ -188,19 +188,19 @@ def _bytes(count: float) -> str:
 
 
 class SimulatedNow:
-    """Simulated time at any moment, from the messages on /clock.
+    """The current simulated time, extrapolated from /clock.
 
     Attributes:
-        known: Set once two messages have told time and rate.
+        known: Set when two messages have arrived, which determine time and rate.
     """
 
     def __init__(self) -> None:
         self.known = threading.Event()
-        # Wall time, simulated time and the rate between the last two messages, replaced as one: two threads use it.
+        # Wall time, simulated time and rate of the last messages, in one tuple, because two threads use it.
         self._last: tuple[float, float, float] | None = None
 
     def tick(self, message: Any) -> None:
-        """Takes a message."""
+        """Processes a message of /clock."""
         wall, simulated, before = time.monotonic(), message.clock.sec + message.clock.nanosec / 1e9, self._last
         if before is None:
             self._last = (wall, simulated, 0.0)
@@ -209,7 +209,7 @@ class SimulatedNow:
             self.known.set()
 
     def __call__(self) -> float:
-        """Returns simulated time now [s]."""
+        """Returns the current simulated time [s]."""
         assert self._last is not None
         wall, simulated, rate = self._last
         return simulated + rate * (time.monotonic() - wall)

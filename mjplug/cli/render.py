@@ -13,22 +13,22 @@ import yaml
 from mjplug.cli.output import Format
 from mjplug_schemas.message import Message
 
-_UNBROKEN = 1 << 30
-"""Long texts stay on their line."""
+_MAX_WIDTH = 1 << 30
+"""Maximum width of a line; long strings are not wrapped."""
 
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 @dataclass(frozen=True, slots=True)
 class Rendering:
-    """How messages are to be shown.
+    """Format options for messages.
 
     Attributes:
         format: `yaml`, `json` or `csv`.
-        most: Elements of a list, and characters of a text, that YAML shows; 0 is all.
-        arrays: Whether lists are shown at all.
-        texts: Whether texts are shown at all.
-        flow: Whether YAML is on one line.
+        most: Maximum number of list elements and of characters of a string in YAML; 0 for no limit.
+        arrays: Whether lists are shown.
+        texts: Whether strings are shown.
+        flow: Whether YAML is written on one line.
     """
 
     format: Format = "yaml"
@@ -38,7 +38,7 @@ class Rendering:
     flow: bool = False
 
     def text(self, value: Any) -> str:
-        """Returns a message, or a part of one, as text without a line break at its end."""
+        """Returns a message or a field as text, without a line break at the end."""
         if self.format == "json":
             if isinstance(value, Message) and self.arrays and self.texts:
                 return value.to_json().decode()
@@ -52,16 +52,16 @@ class Rendering:
             return _scalar(plain)
         flow = True if self.flow else (None if plain in ([], {}) else False)
         text = yaml.dump(
-            plain, Dumper=_Dumper, sort_keys=False, default_flow_style=flow, allow_unicode=True, width=_UNBROKEN
+            plain, Dumper=_Dumper, sort_keys=False, default_flow_style=flow, allow_unicode=True, width=_MAX_WIDTH
         )
         return str(text).rstrip("\n")
 
     def heading(self, value: Any, name: str = "") -> str:
-        """Returns the names of the columns that `text` makes of a value as CSV.
+        """Returns the names of the CSV columns of a value.
 
         Args:
             value: The value.
-            name: What it is a part of a message: `ranges` gives `ranges[0],ranges[1]`.
+            name: The path of the value in its message: `ranges` gives `ranges[0],ranges[1]`.
         """
         return _row(leaf or "value" for leaf, _ in _leaves(name, self._plain(value, 0)))
 

@@ -1,4 +1,4 @@
-"""`mjplug router`: a Zenoh router in a process of its own, for servers and clients to meet at."""
+"""`mjplug router`: a Zenoh router in its own process, to which servers and clients connect."""
 
 import signal
 import threading
@@ -10,8 +10,8 @@ import typer
 
 from mjplug.log import logging_to_stderr
 
-_LOOK = 1.0
-"""How often the main thread wakes up [s]; on Windows, Ctrl-C does not interrupt a wait."""
+_POLL_INTERVAL = 1.0
+"""Period at which the main thread wakes up [s]; on Windows, Ctrl-C does not interrupt a wait."""
 
 
 def router(
@@ -25,7 +25,9 @@ def router(
     ] = None,
     connect: Annotated[
         list[str] | None,
-        typer.Option("--connect", "-e", help="Another Zenoh router to connect to, retried for ever. Repeatable."),
+        typer.Option(
+            "--connect", "-e", help="Another Zenoh router to connect to; retried until it succeeds. Repeatable."
+        ),
     ] = None,
     zenoh_config: Annotated[
         Path | None,
@@ -38,8 +40,8 @@ def router(
 ) -> None:
     """Runs a Zenoh router until Ctrl-C or SIGTERM.
 
-    A server hosts a router itself unless one is there. A router in a process of its own outlives every server: start
-    it first, and start each server with --connect and its endpoint.
+    Without one, a server hosts a router itself. A router in its own process keeps running when a server stops: start it
+    first, then start each server with --connect and the endpoint of the router.
     """
     from mjplug.wire.session import SessionSettings, open_router
 
@@ -51,7 +53,7 @@ def router(
         try:
             _stop_on_signals(stopping)
             typer.echo(f"ready · {session.endpoint} · router")
-            while not stopping.wait(_LOOK):
+            while not stopping.wait(_POLL_INTERVAL):
                 pass
         finally:
             session.close()

@@ -1,4 +1,4 @@
-"""The full name of a server from what users write for it."""
+"""Full names of servers from command line arguments."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ def server_name(client: "Client", node: str) -> str:
 
     Args:
         client: A client on the network.
-        node: `/mjplug`, `mjplug`, or `~` for the server that the client talks to.
+        node: `/mjplug`, `mjplug`, or `~` for the server of the client.
 
     Raises:
         UnknownNameError: No server has this name.

@@ -1,4 +1,4 @@
-"""`mjplug service`: what can be asked, and asking it."""
+"""`mjplug service`: lists, shows and calls services."""
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="service", help="Lists, shows and calls services.", no_args_is_help=True)
 
-ServiceName = Annotated[str, typer.Argument(metavar="SERVICE", help="Its name.", autocompletion=complete_service)]
+ServiceName = Annotated[
+    str, typer.Argument(metavar="SERVICE", help="Name of the service.", autocompletion=complete_service)
+]
 
 
 @app.command("list")
@@ -22,8 +24,8 @@ ServiceName = Annotated[str, typer.Argument(metavar="SERVICE", help="Its name.",
 def list_services(
     client: "Client",
     types: Annotated[bool, typer.Option("--show-types", "-t", help="Show the type of each.")] = False,
-    count: Annotated[bool, typer.Option("--count-services", "-c", help="Show only how many there are.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Show everything, as JSON.")] = False,
+    count: Annotated[bool, typer.Option("--count-services", "-c", help="Show only the number.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show all properties as JSON.")] = False,
 ) -> None:
     """Lists the services of all servers."""
     from dataclasses import asdict
@@ -48,7 +50,7 @@ def type_(client: "Client", service: ServiceName) -> None:
 @app.command()
 @connected
 def info(client: "Client", service: ServiceName) -> None:
-    """Shows all that its server says about a service."""
+    """Shows type, server, key and type hash of a service."""
     found = client.service(service)
     say(f"Type: {found.type}")
     say(f"Server: {found.server}")
@@ -71,7 +73,7 @@ def find(
     wanted = full_type(type, "srv")
     names = [service.name for service in client.services().values() if service.type == wanted]
     if not names:
-        # Whoever mistypes a type should hear of it.
+        # Raises an error if the type does not exist.
         find_type(wanted)
     for name in names:
         say(name)
@@ -89,11 +91,15 @@ def call(
     service: ServiceName,
     type: Annotated[
         str | None,
-        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_service_type),
+        typer.Argument(
+            metavar="TYPE",
+            help="Type of the service. Default: as the server reports it.",
+            autocompletion=complete_service_type,
+        ),
     ] = None,
     values: Annotated[
         str | None,
-        typer.Argument(metavar="VALUES", help="Fields as YAML: '{paused: true}'; others have initial values."),
+        typer.Argument(metavar="VALUES", help="Fields as YAML: '{paused: true}'. Others have their initial values."),
     ] = None,
     timeout: Annotated[
         float | None,
@@ -101,16 +107,14 @@ def call(
             "--timeout",
             min=0.0,
             metavar="SECONDS",
-            help="How long to wait.  [default: what the request takes by its own terms, and 10 s more]",
+            help="How long to wait.  [default: the expected duration of the request plus 10 s]",
         ),
     ] = None,
-    output: Annotated[Literal["yaml", "json"], typer.Option("--output", "-o", help="How to show the response.")] = (
-        "yaml"
-    ),
+    output: Annotated[Literal["yaml", "json"], typer.Option("--output", "-o", help="Output format.")] = ("yaml"),
 ) -> None:
     """Calls a service and shows its response.
 
-    A response with `success: false` ends with exit code 7.
+    The exit code is 7 if the response contains `success: false`.
     """
     from mjplug.cli.exit_codes import exit_code
     from mjplug.cli.render import Rendering
@@ -127,7 +131,7 @@ def call(
     except RequestRefused as error:
         if error.response is None:
             raise
-        # The response has the reason.
+        # The response contains the reason.
         say(rendering.text(error.response))
         complain(f"error: {found.name} refused the request")
         raise typer.Exit(exit_code(error)) from None

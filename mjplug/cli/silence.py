@@ -1,4 +1,4 @@
-"""Why a topic has no messages, for whoever waits for them."""
+"""The reason why no messages arrive on a topic."""
 
 from typing import TYPE_CHECKING
 
@@ -7,12 +7,12 @@ if TYPE_CHECKING:
 
 
 def why_silent(client: "Client", topic: str, otherwise: str = "nothing has been published yet") -> str:
-    """Returns why nothing arrives on a topic, as far as servers know.
+    """Returns why no messages arrive on a topic, according to the servers.
 
     Args:
         client: A client on the network.
         topic: The topic's full name.
-        otherwise: What to return if a server publishes it and runs.
+        otherwise: The result if a server publishes the topic and its simulation runs.
     """
     from mjplug.client.parameters import read
 

@@ -1,4 +1,4 @@
-"""`mjplug sim`: pause, steps, resets and speed of a running simulation."""
+"""`mjplug sim`: controls a running simulation."""
 
 import time
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -12,20 +12,20 @@ from mjplug.cli.output import say, say_json, say_table
 if TYPE_CHECKING:
     from mjplug.client import Client, ServerInfo
 
-app = typer.Typer(name="sim", help="Pauses, steps, resets and times the simulation.", no_args_is_help=True)
+app = typer.Typer(name="sim", help="Pauses, steps and resets the simulation, and sets its speed.", no_args_is_help=True)
 
 _MEASURE = 0.5
-"""Wall time over which the real speed is measured [s]."""
+"""Wall time over which the speed is measured [s]."""
 
 _ANSWER_TIMEOUT = 5.0
-"""How long to wait for what a server tells of itself [s]."""
+"""Timeout of messages and responses that describe the server [s]."""
 
 
 @app.command()
 @connected
 def state(
     client: "Client",
-    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="How to show it.")] = "text",
+    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="Output format.")] = "text",
 ) -> None:
     """Shows model, state, simulated time, speed, contacts and resets."""
     from mjplug.client.parameters import read
@@ -34,7 +34,7 @@ def state(
     parameters = read(client.session, server.name)
     paused = parameters.get("sim.paused")
     seconds, measured = _clock(client, server, 0.0 if paused else _MEASURE)
-    told = {
+    values = {
         "server": server.name,
         "version": server.version,
         "endpoint": server.endpoint,
@@ -47,18 +47,18 @@ def state(
         "resets": client.subscribe(f"{server.name}/epoch").next(_ANSWER_TIMEOUT).data,
     }
     if output == "json":
-        say_json(told)
+        say_json(values)
         return
     factor = "" if paused else f" (measured: {measured:.3g})"
     say_table(
         [
-            ("server:", f"{told['server']} at {told['endpoint']}, mjplug {told['version']}"),
-            ("model:", told["model"]),
-            ("state:", told["state"]),
+            ("server:", f"{values['server']} at {values['endpoint']}, mjplug {values['version']}"),
+            ("model:", values["model"]),
+            ("state:", values["state"]),
             ("time:", f"{seconds:.3f} s"),
-            ("speed:", f"{_number(told['speed'])}{factor}"),
-            ("contacts:", told["contacts"]),
-            ("resets:", told["resets"]),
+            ("speed:", f"{_number(values['speed'])}{factor}"),
+            ("contacts:", values["contacts"]),
+            ("resets:", values["resets"]),
         ]
     )
 
@@ -66,14 +66,14 @@ def state(
 @app.command()
 @connected
 def pause(client: "Client") -> None:
-    """Stops simulated time."""
+    """Pauses the simulation."""
     say(client.call("~/set_pause", paused=True).message)
 
 
 @app.command()
 @connected
 def resume(client: "Client") -> None:
-    """Lets simulated time run."""
+    """Resumes the simulation."""
     say(client.call("~/set_pause", paused=False).message)
 
 
@@ -81,15 +81,15 @@ def resume(client: "Client") -> None:
 @connected
 def step(
     client: "Client",
-    steps: Annotated[int, typer.Argument(min=1, metavar="STEPS", help="How many.")] = 1,
+    steps: Annotated[int, typer.Argument(min=1, metavar="STEPS", help="Number of steps.")] = 1,
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout", min=0.0, metavar="SECONDS", help="How long to wait.  [default: 10 s and 1 ms a step]"
+            "--timeout", min=0.0, metavar="SECONDS", help="How long to wait.  [default: 10 s plus 1 ms per step]"
         ),
     ] = None,
 ) -> None:
-    """Takes steps while paused, as fast as they go."""
+    """Takes steps as fast as possible; the simulation must be paused."""
     say(client.call("~/step_simulation", timeout=timeout, steps=steps).message)
 
 
@@ -107,23 +107,23 @@ def reset(
         ),
     ] = "",
 ) -> None:
-    """Puts the world back to where it began, or to a keyframe.
+    """Resets the world to its initial state, or to a keyframe.
 
-    Simulated time goes on.
+    Simulated time continues.
     """
     say(client.call("~/reset_world", keyframe=keyframe).message)
 
 
-# So that -1 is no flag, and the server says what is wrong with it.
+# So that -1 is a value and not a flag, and the server explains why it is refused.
 @app.command(context_settings={"ignore_unknown_options": True})
 @connected
 def speed(
     client: "Client",
     factor: Annotated[
-        str | None, typer.Argument(metavar="FACTOR|max", help="The new one; without it, the present one is shown.")
+        str | None, typer.Argument(metavar="FACTOR|max", help="The new speed. Default: show the current speed.")
     ] = None,
 ) -> None:
-    """Shows or changes how fast simulated time runs: simulated seconds per second."""
+    """Shows or sets the speed: simulated seconds per second of wall time."""
     from mjplug.client.parameters import read, set_one
 
     server = client.server.name
@@ -150,7 +150,7 @@ def _clock(client: "Client", server: "ServerInfo", span: float) -> tuple[float, 
 
 
 def _own_clock(client: "Client", server: "ServerInfo") -> str | None:
-    """Returns the topic of a server's clock; None if others publish it too, since whose time it is would not show."""
+    """Returns the topic of a server's clock; None if other servers publish it too."""
     from mjplug_schemas.rosgraph_msgs import Clock
 
     clocks = (topic for topic in client.topics().values() if topic.type == Clock.TYPE)
@@ -158,7 +158,7 @@ def _own_clock(client: "Client", server: "ServerInfo") -> str | None:
 
 
 def _last_second(client: "Client", server: "ServerInfo") -> tuple[float, float]:
-    """Returns what a server says itself of its time [s] and its speed, about the last second."""
+    """Returns simulated time [s] and speed during the last second, from the diagnostics of a server."""
     seconds, values = _diagnostics(client, server)
     return seconds, float(values["real-time factor"])
 
@@ -167,10 +167,10 @@ def _diagnostics(client: "Client", server: "ServerInfo") -> tuple[float, dict[st
     """Returns the simulated time [s] of a server's diagnostics, and the values of the simulation by name."""
     from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 
-    said = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_ANSWER_TIMEOUT).message)
-    simulation = (status for status in said.status if status.name.endswith(": simulation"))
+    message = DiagnosticArray.from_json(client.call(f"{server.name}/get_diagnostics", timeout=_ANSWER_TIMEOUT).message)
+    simulation = (status for status in message.status if status.name.endswith(": simulation"))
     values = {value.key: value.value for status in simulation for value in status.values}
-    return _seconds(said.header.stamp), values
+    return _seconds(message.header.stamp), values
 
 
 def _seconds(stamp: Any) -> float:

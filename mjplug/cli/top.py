@@ -1,4 +1,4 @@
-"""`mjplug top`: how a server is, live."""
+"""`mjplug top`: live status of a server."""
 
 import shutil
 import sys
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from mjplug.client import Client
 
 _MESSAGE_TIMEOUT = 3.0
-"""How long nothing may come until one is told [s]; the server sends once a second."""
+"""Time without a message after which this is shown [s]; the server publishes once a second."""
 
 _OPEN, _CLOSE = "\033[?1049h\033[?25l", "\033[?25h\033[?1049l"
-"""Another screen without a cursor; and back."""
+"""Switch to the alternate screen without a cursor, and back."""
 
 _COLOURS = {1: "\033[33m", 2: "\033[31m", 3: "\033[31m"}
 _BOLD, _PLAIN = "\033[1m", "\033[0m"
@@ -28,14 +28,14 @@ _BOLD, _PLAIN = "\033[1m", "\033[0m"
 @connected
 def top(
     client: "Client",
-    once: Annotated[bool, typer.Option("--once", help="Show it once.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Show the status once.")] = False,
     count: Annotated[
-        int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="End after so many times.")
+        int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="Exit after this many updates.")
     ] = None,
 ) -> None:
-    """Shows how a server is, once a second.
+    """Shows server status once a second.
 
-    Real-time factor, step times, what plugins take and how they fare, and how often topics come. Ends with Ctrl-C.
+    Real-time factor, step times, CPU share and health of each plugin, and rates of topics. Ctrl-C ends it.
     """
     from mjplug.cli.top_table import Line, lines
     from mjplug.client import TimedOutError
@@ -44,7 +44,7 @@ def top(
     server = client.server.name
     left = 1 if once else count
     if left == 1:
-        # At once, and about the last second; the topic would have to be waited for.
+        # The service answers at once; the next message of the topic takes up to a second.
         answer = client.call(f"{server}/get_diagnostics")
         say("\n".join(line.text for line in lines(DiagnosticArray.from_json(answer.message), server)))
         return
@@ -56,9 +56,9 @@ def top(
             except TimedOutError:
                 if not sys.stdout.isatty():
                     raise
-                _show([Line(f"{server}: nothing comes any more", 3), *shown])
+                _show([Line(f"{server}: no more messages arrive", 3), *shown])
                 continue
-            # Others on the network have this topic too.
+            # Other nodes may publish this topic too.
             if any(status.hardware_id == server for status in message.status):
                 shown = lines(message, server)
                 _show(shown)
@@ -67,7 +67,7 @@ def top(
 
 @contextmanager
 def _screen() -> Iterator[None]:
-    """Takes another screen of the terminal until the end of the block; does nothing where there is no terminal."""
+    """Uses the alternate screen of the terminal inside the block; does nothing without a terminal."""
     if not sys.stdout.isatty():
         yield
         return
@@ -84,7 +84,7 @@ def _show(lines: "list[Line]") -> None:
         say("\n".join(line.text for line in lines) + "\n")
         return
     columns, rows = shutil.get_terminal_size()
-    # Over what was there, and each line to its end: without flicker.
+    # Overwrites the previous text line by line, which does not flicker.
     text = "\033[K\n".join(_coloured(line, columns) for line in lines[: rows - 1])
     sys.stdout.write(f"\033[H{text}\033[K\033[J")
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""What `mjplug top` shows: one `/diagnostics` message as lines of text."""
+"""The text of `mjplug top`: one `/diagnostics` message as lines."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,7 +14,7 @@ _PERCENT, _CALLS, _UPDATE, _HERTZ = " (%)", " calls (Hz)", " update (us)", " (Hz
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of text; the level is that of the status it is about."""
+    """A line of text, with the level of its diagnostic status."""
 
     text: str
     level: int = 0
@@ -22,7 +22,7 @@ class Line:
 
 
 def lines(message: DiagnosticArray, server: str) -> list[Line]:
-    """Returns everything that a message says of one server.
+    """Returns the lines about one server.
 
     Args:
         message: The message.
@@ -74,29 +74,29 @@ def _overview(simulation: Mapping[str, str], wire: Mapping[str, str]) -> list[Li
 def _plugins(
     times: Mapping[str, str], parts: Mapping[str, DiagnosticStatus], figures: Mapping[str, Mapping[str, str]]
 ) -> list[Line]:
-    """Returns a table with a row for each instance, and one for each of its parts."""
+    """Returns a table with a row for each plugin instance and each of its parts."""
     instances = [key.removesuffix(_PERCENT) for key in times if key.endswith(_PERCENT)]
     names = list(dict.fromkeys([*instances, *sorted(parts)]))
     rows, levels = [], []
     for name in sorted(names, key=lambda name: (name.partition(": ")[0], name)):
         status = parts.get(name)
         level = status.level if status else 0
-        said = f"{_LEVELS.get(level, '?')} {status.message}" if status and status.message != "ok" else _LEVELS[level]
+        state = f"{_LEVELS.get(level, '?')} {status.message}" if status and status.message != "ok" else _LEVELS[level]
         own = figures.get(name, {})
         extras = [f"{key} {_short(own[key])}" for key in ("states dropped", "restarts") if own.get(key, "0") != "0"]
         cells = [_short(times.get(f"{name}{unit}", "-")) for unit in (_PERCENT, _CALLS, _UPDATE)]
-        rows.append([name, *cells, ", ".join([said, *extras])])
+        rows.append([name, *cells, ", ".join([state, *extras])])
         levels.append(level)
     return _table(["PLUGIN", "% TIME", "CALLS/S", "UPDATE us", "STATE"], rows, levels)
 
 
 def _topics(rates: Mapping[str, str]) -> list[Line]:
     rows = [[name.removesuffix(_HERTZ), _short(rate)] for name, rate in rates.items()]
-    return _table(["TOPIC SOMEBODY LISTENS TO", "MESSAGES/S"], rows, [0] * len(rows))
+    return _table(["TOPIC WITH SUBSCRIBERS", "MESSAGES/S"], rows, [0] * len(rows))
 
 
 def _lost(wire: Mapping[str, str], inbox: Mapping[str, str]) -> list[Line]:
-    """Returns a table of what did not reach the simulation, by topic and service."""
+    """Returns a table of messages and requests that did not reach the simulation, by topic and service."""
     rows: dict[str, list[str]] = {}
     for key, count in (*wire.items(), *inbox.items()):
         for column, prefix in enumerate(_LOST):
@@ -108,7 +108,7 @@ def _lost(wire: Mapping[str, str], inbox: Mapping[str, str]) -> list[Line]:
 
 
 def _table(heading: Sequence[str], rows: Sequence[Sequence[str]], levels: Iterable[int]) -> list[Line]:
-    """Returns a table; numbers are flush right, the last column is as long as it is."""
+    """Returns a table with right-aligned numbers; the last column is not padded."""
     if not rows:
         return []
     widths = [max(map(len, column)) for column in zip(heading, *rows, strict=True)]
@@ -128,7 +128,7 @@ def _table(heading: Sequence[str], rows: Sequence[Sequence[str]], levels: Iterab
 
 
 def _short(number: str) -> str:
-    """Returns a number with as many places as one can take in while it changes."""
+    """Returns a number with three significant digits."""
     try:
         value = float(number)
     except ValueError:

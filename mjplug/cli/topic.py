@@ -1,4 +1,4 @@
-"""`mjplug topic`: what is published and read, and by whom."""
+"""`mjplug topic`: lists, shows, measures and publishes topics."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(name="topic", help="Lists, shows, measures and publishes topics.", no_args_is_help=True)
 
-TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)]
+TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)]
 
 
 @app.command("list", epilog=examples("mjplug topic list -t", "mjplug topic list -e tcp/robot.local:7447"))
@@ -25,11 +25,11 @@ TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", aut
 def list_topics(
     client: "Client",
     types: Annotated[bool, typer.Option("--show-types", "-t", help="Show the type of each.")] = False,
-    count: Annotated[bool, typer.Option("--count-topics", "-c", help="Show only how many there are.")] = False,
+    count: Annotated[bool, typer.Option("--count-topics", "-c", help="Show only the number.")] = False,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Show types, and how many publishers and subscribers each has.")
+        bool, typer.Option("--verbose", "-v", help="Show types and the numbers of publishers and subscribers.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Show everything, as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Show all properties as JSON.")] = False,
 ) -> None:
     """Lists the topics of all servers."""
     from dataclasses import asdict
@@ -55,10 +55,10 @@ def info(
     client: "Client",
     topic: TopicName,
     verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Show nodes, keys, type hash and quality of service, too.")
+        bool, typer.Option("--verbose", "-v", help="Also show nodes, keys, type hash and quality of service.")
     ] = False,
 ) -> None:
-    """Shows the type of a topic, and how many servers publish it and subscribe to it."""
+    """Shows the type of a topic and the numbers of its publishers and subscribers."""
     from mjplug.cli.topic_info import details, summary
 
     found = client.topic(topic)
@@ -88,7 +88,7 @@ def find(
     wanted = full_type(type, "msg")
     names = [topic.name for topic in client.topics().values() if topic.type == wanted]
     if not names:
-        # Whoever mistypes a type should hear of it.
+        # Raises an error if the type does not exist.
         find_type(wanted)
     for name in names:
         say(name)

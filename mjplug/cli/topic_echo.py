@@ -1,4 +1,4 @@
-"""`mjplug topic echo`: the messages of a topic, as they come."""
+"""`mjplug topic echo`: shows the messages of a topic."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from mjplug.client import Client, Subscription
 
 SILENCE = 3.0
-"""After how long without a first message the reason is given [s]."""
+"""Time without a first message after which the reason is shown [s]."""
 
 _DEPTH = 1000
-"""How many messages may wait for a slow terminal."""
+"""Maximum number of messages that wait for a slow terminal."""
 
 
 def kind_of(client: "Client", topic: str, type: str | None) -> Any:
-    """Returns the class to read a topic with; `dict` where this side has none for its type.
+    """Returns the message class of a topic; `dict` if `mjplug_schemas` has no class for its type.
 
     Raises:
         ClientError: No server has the topic, and no type is given.
-        WrongTypeError: The type given is none, or another than the topic's.
+        WrongTypeError: The type is unknown, or not that of the topic.
     """
     from mjplug.cli.values import full_type
     from mjplug.client import ClientError, UnknownNameError
@@ -43,52 +43,60 @@ def kind_of(client: "Client", topic: str, type: str | None) -> Any:
 @connected
 def echo(
     client: "Client",
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)],
     type: Annotated[
         str | None,
-        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_message_type),
+        typer.Argument(
+            metavar="TYPE",
+            help="Type of the topic. Default: as the server reports it.",
+            autocompletion=complete_message_type,
+        ),
     ] = None,
-    once: Annotated[bool, typer.Option("--once", help="End after the first message.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Exit after the first message.")] = False,
     count: Annotated[
-        int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="End after so many messages.")
+        int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="Exit after this many messages.")
     ] = None,
     timeout: Annotated[
         float | None,
-        typer.Option("--timeout", min=0.0, metavar="SECONDS", help="Fail if no message comes for so long."),
+        typer.Option("--timeout", min=0.0, metavar="SECONDS", help="Fail if no message arrives for this long."),
     ] = None,
     field: Annotated[
-        str | None, typer.Option("--field", metavar="PATH", help="Show a part only: pose.position, ranges[3].")
+        str | None, typer.Option("--field", metavar="PATH", help="Show only this field: pose.position, ranges[3].")
     ] = None,
-    output: Annotated[Format, typer.Option("--output", "-o", help="How to show messages.")] = "yaml",
+    output: Annotated[Format, typer.Option("--output", "-o", help="Output format.")] = "yaml",
     csv: Annotated[bool, typer.Option("--csv", help="The same as -o csv.")] = False,
-    full_length: Annotated[bool, typer.Option("--full-length", "-f", help="Show lists and texts whole.")] = False,
+    full_length: Annotated[bool, typer.Option("--full-length", "-f", help="Show complete lists and strings.")] = False,
     truncate_length: Annotated[
         int,
         typer.Option(
-            "--truncate-length", "-l", min=1, metavar="COUNT", help="Show so much of lists and texts, in YAML."
+            "--truncate-length",
+            "-l",
+            min=1,
+            metavar="COUNT",
+            help="Number of list elements and characters to show, in YAML.",
         ),
     ] = 128,
     no_arr: Annotated[bool, typer.Option("--no-arr", help="Show no lists.")] = False,
-    no_str: Annotated[bool, typer.Option("--no-str", help="Show no texts.")] = False,
+    no_str: Annotated[bool, typer.Option("--no-str", help="Show no strings.")] = False,
     flow_style: Annotated[bool, typer.Option("--flow-style", help="Show each message on one line, in YAML.")] = False,
     filter: Annotated[
         str | None,
         typer.Option("--filter", metavar="EXPR", help="Show only messages for which this is true: 'm.linear.x > 0.5'."),
     ] = None,
-    raw: Annotated[bool, typer.Option("--raw", help="Show messages as they come: bytes of CDR.")] = False,
+    raw: Annotated[bool, typer.Option("--raw", help="Show the CDR bytes of each message.")] = False,
     qos_profile: QosProfile = None,
     qos_depth: QosDepth = None,
     qos_history: QosHistory = None,
     qos_reliability: QosReliability = None,
     qos_durability: QosDurability = None,
 ) -> None:
-    """Shows the messages of a topic as they come."""
+    """Shows the messages of a topic as they arrive."""
     from mjplug.cli.field_path import FieldPath
     from mjplug.cli.message_filter import MessageFilter
     from mjplug.cli.render import Rendering
 
     if raw and (field is not None or filter is not None or csv or output != "yaml"):
-        raise typer.BadParameter("it shows bytes, without --field, --filter, --csv or --output", param_hint="--raw")
+        raise typer.BadParameter("it cannot be combined with --field, --filter, --csv or --output", param_hint="--raw")
     chosen = MessageFilter(filter) if filter is not None else None
     qos = qos_of(qos_profile, qos_depth, qos_history, qos_reliability, qos_durability)
     format: Format = "csv" if csv else output
@@ -109,7 +117,7 @@ def echo(
                 if not headed:
                     headed = True
                     say(rendering.heading(value, field or ""))
-                # As Python writes bytes, and so does ros2.
+                # In Python's notation of bytes, like ros2.
                 say(str(value) if raw else rendering.text(value))
                 if format == "yaml":
                     say("---")
@@ -118,12 +126,12 @@ def echo(
                     return
             if messages.dropped and not warned:
                 warned = True
-                complain("warning: messages come faster than they can be shown; some are left out")
+                complain("warning: messages arrive faster than they can be shown; some are dropped")
             value = _part(messages.next(timeout), path)
 
 
 def _first(client: "Client", messages: "Subscription[Any]", timeout: float | None) -> Any:
-    """Returns the first message; if it does not come soon, prints why."""
+    """Returns the first message; prints the reason if it does not arrive soon."""
     from mjplug.cli.silence import why_silent
     from mjplug.client import TimedOutError
 

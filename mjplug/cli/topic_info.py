@@ -1,4 +1,4 @@
-"""The texts of `mjplug topic list --verbose` and `topic info`, in the form that ros2 gives them."""
+"""The texts of `mjplug topic list --verbose` and `topic info`, in the format of ros2."""
 
 from collections.abc import Iterator, Mapping
 
@@ -6,7 +6,7 @@ from mjplug.client import ServerInfo, TopicInfo
 
 
 def overview(topics: Mapping[str, TopicInfo]) -> Iterator[str]:
-    """Yields the lines of a list of topics that have publishers, and of one of topics that have subscribers."""
+    """Yields a list of the topics with publishers, and a list of those with subscribers."""
     yield "Published topics:"
     yield from (_counted(topic, len(topic.publishers), "publisher") for topic in topics.values() if topic.publishers)
     yield ""
@@ -20,14 +20,14 @@ def _counted(topic: TopicInfo, count: int, what: str) -> str:
 
 
 def summary(topic: TopicInfo) -> Iterator[str]:
-    """Yields the lines on a topic: its type, and how many servers publish it and subscribe to it."""
+    """Yields the lines about a topic: its type and the numbers of its publishers and subscribers."""
     yield f"Type: {topic.type}"
     yield f"Publisher count: {len(topic.publishers)}"
     yield f"Subscription count: {len(topic.subscribers)}"
 
 
 def details(topic: TopicInfo, servers: Mapping[str, ServerInfo]) -> Iterator[str]:
-    """Yields the lines on a topic and on each of its ends.
+    """Yields the lines about a topic, its publishers and its subscribers.
 
     Args:
         topic: The topic.

@@ -1,4 +1,4 @@
-"""`mjplug topic pub`: messages to a topic."""
+"""`mjplug topic pub`: publishes messages."""
 
 import time
 from typing import TYPE_CHECKING, Annotated
@@ -17,21 +17,27 @@ if TYPE_CHECKING:
 @connected
 def pub(
     client: "Client",
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)],
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)],
     type: Annotated[
         str | None,
-        typer.Argument(metavar="TYPE", help="Its type; the server knows it.", autocompletion=complete_message_type),
+        typer.Argument(
+            metavar="TYPE",
+            help="Type of the topic. Default: as the server reports it.",
+            autocompletion=complete_message_type,
+        ),
     ] = None,
     values: Annotated[
         str | None,
-        typer.Argument(metavar="VALUES", help="Fields as YAML: '{linear: {x: 0.5}}'; others have initial values."),
+        typer.Argument(
+            metavar="VALUES", help="Fields as YAML: '{linear: {x: 0.5}}'. Others have their initial values."
+        ),
     ] = None,
     rate: Annotated[
         float, typer.Option("--rate", "-r", min=1e-3, metavar="HZ", help="Messages per second of wall time [Hz].")
     ] = 1.0,
     once: Annotated[bool, typer.Option("--once", "-1", help="Send one message.")] = False,
     times: Annotated[
-        int | None, typer.Option("--times", "-t", min=1, metavar="COUNT", help="Send so many messages.")
+        int | None, typer.Option("--times", "-t", min=1, metavar="COUNT", help="Send this many messages.")
     ] = None,
     wait_matching: Annotated[
         int | None,
@@ -40,19 +46,19 @@ def pub(
             "-w",
             min=0,
             max=1,
-            help="1 waits until somebody reads the topic, 0 does not.  [default: 1 with --once and --times]",
+            help="1 waits for a subscriber, 0 does not.  [default: 1 with --once and --times]",
         ),
     ] = None,
     timeout: Annotated[
-        float, typer.Option("--timeout", min=0.0, metavar="SECONDS", help="How long to wait for somebody who reads it.")
+        float, typer.Option("--timeout", min=0.0, metavar="SECONDS", help="How long to wait for a subscriber.")
     ] = 5.0,
     print_every: Annotated[
-        int, typer.Option("--print", "-p", min=0, metavar="N", help="Report every n-th message; 0 none.")
+        int, typer.Option("--print", "-p", min=0, metavar="N", help="Print every n-th message; 0 prints none.")
     ] = 1,
 ) -> None:
-    """Publishes a message, once or again and again.
+    """Publishes a message, once or repeatedly.
 
-    Without --once and --times, until Ctrl-C.
+    Without --once and --times, it publishes until Ctrl-C.
     """
     from mjplug.cli.render import Rendering
     from mjplug.cli.values import parse, split_type
@@ -68,7 +74,7 @@ def pub(
     publisher = client.publisher(topic, kind)
     waits = total > 0 if wait_matching is None else wait_matching > 0
     if waits and not publisher.wait_for_subscriber(timeout):
-        raise TimedOutError(f"nobody reads {publisher.name}, even after {timeout:g} s")
+        raise TimedOutError(f"no subscriber for {publisher.name} within {timeout:g} s")
     sent, begin = 0, time.monotonic()
     while True:
         publisher.publish(message)
@@ -77,5 +83,5 @@ def pub(
             say(f"publishing #{sent}: {shown}")
         if sent == total:
             return
-        # Counted from the begin, so that delays do not add up.
+        # Relative to the first message, so that delays do not add up.
         time.sleep(max(0.0, begin + sent / rate - time.monotonic()))

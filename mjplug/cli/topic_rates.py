@@ -1,4 +1,4 @@
-"""`mjplug topic hz`, `bw` and `delay`: how often messages come, how large they are and how old."""
+"""`mjplug topic hz`, `bw` and `delay`: rate, bandwidth and age of messages."""
 
 import time
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,22 +13,23 @@ if TYPE_CHECKING:
 
     from mjplug.client import Client
 
-TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Its name.", autocompletion=complete_topic)]
+TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)]
 TopicNames = Annotated[
     list[str],
     typer.Argument(metavar="TOPIC...", help="The names of one or more topics.", autocompletion=complete_topic),
 ]
 Window = Annotated[
-    int, typer.Option("--window", "-w", min=2, metavar="COUNT", help="How many of the last messages count.")
+    int, typer.Option("--window", "-w", min=2, metavar="COUNT", help="Number of last messages to average over.")
 ]
 Reports = Annotated[
-    int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="End after so many reports.")
+    int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="Exit after this many reports.")
 ]
 Timeout = Annotated[
-    float | None, typer.Option("--timeout", min=0.0, metavar="SECONDS", help="Fail if no message comes for so long.")
+    float | None,
+    typer.Option("--timeout", min=0.0, metavar="SECONDS", help="Fail if no message arrives for this long."),
 ]
 SimTime = Annotated[
-    bool, typer.Option("--use-sim-time", "-s", help="Count simulated seconds, by the stamps of the messages.")
+    bool, typer.Option("--use-sim-time", "-s", help="Measure simulated time, from the stamps of the messages.")
 ]
 
 
@@ -48,7 +49,7 @@ def hz(
     use_sim_time: SimTime = False,
     filter: Filter = None,
 ) -> None:
-    """Measures how often messages come.
+    """Measures the rate of messages.
 
     Prints a report every second until Ctrl-C.
     """
@@ -67,7 +68,7 @@ def hz(
         if message_class is None:
             from mjplug.client import WrongTypeError
 
-            raise WrongTypeError(f"{found.type} is not known here, so {found.name} cannot be filtered")
+            raise WrongTypeError(f"{found.type} is not in mjplug_schemas, so {found.name} cannot be filtered")
         fits = chosen
 
         def choose(sample: "zenoh.Sample") -> float | None:
@@ -84,7 +85,7 @@ def hz(
 def bw(
     client: "Client", topic: TopicName, window: Window = 100, count: Reports = None, timeout: Timeout = None
 ) -> None:
-    """Measures how many bytes come.
+    """Measures the bandwidth of a topic.
 
     Prints a report every second until Ctrl-C.
     """
@@ -98,10 +99,10 @@ def bw(
 def delay(
     client: "Client", topic: TopicName, window: Window = 10_000, count: Reports = None, timeout: Timeout = None
 ) -> None:
-    """Measures how old messages are when they come.
+    """Measures the age of messages when they arrive.
 
-    Prints a report every second until Ctrl-C. Ages are in simulated time, by the stamps of the messages and /clock.
-    Between two messages on /clock, simulated time is taken to go on at the rate of the last ones.
+    Prints a report every second until Ctrl-C. Ages are in simulated time, from the stamps of the messages and /clock.
+    Between two messages on /clock, simulated time is extrapolated at the rate of the last ones.
     """
     from mjplug.cli.rate_meter import Meter, SimulatedNow, age, report
     from mjplug.cli.silence import why_silent
@@ -112,14 +113,14 @@ def delay(
     clocks = client.topic("/clock").publishers
     if len(clocks) > 1:
         raise ClientError(
-            f"several servers publish /clock: {', '.join(clocks)}; no age is known unless each has one of its own, "
+            f"several servers publish /clock: {', '.join(clocks)}; ages are known only if each server has its own clock, "
             "such as --set 'remap={/clock: /robot2/clock}'"
         )
     now = SimulatedNow()
     client.subscribe("/clock", Clock, now.tick, depth=100)
     if not now.known.wait(timeout if timeout is not None else 5.0):
         raise TimedOutError(
-            f"no message on /clock, so the age of messages is not known: {why_silent(client, '/clock')}"
+            f"no message on /clock, so the ages of messages are not known: {why_silent(client, '/clock')}"
         )
     meter = Meter(client.topic(topic), window, lambda sample: now() - stamp(kind, sample))
     report(client, [meter], count, timeout, lambda meters: age(meters[0].values))
@@ -131,10 +132,10 @@ def arrival(sample: "zenoh.Sample", kind: Any) -> float:
 
 
 def _stamped(client: "Client", topic: str) -> Any:
-    """Returns the class of a topic's messages, which must have a time in them.
+    """Returns the message class of a topic, which must contain a stamp.
 
     Raises:
-        WrongTypeError: They have none.
+        WrongTypeError: It contains none.
     """
     from mjplug.client import WrongTypeError
     from mjplug.client.types import known
@@ -143,7 +144,7 @@ def _stamped(client: "Client", topic: str) -> Any:
     name = client.topic(topic).type
     kind = known(name)
     if kind is not Clock and "header" not in getattr(kind, "model_fields", {}):
-        raise WrongTypeError(f"{name} has no header with a stamp, so its times are not known")
+        raise WrongTypeError(f"{name} has no header with a stamp")
     return kind
 
 

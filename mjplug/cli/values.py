@@ -1,4 +1,4 @@
-"""What users type as a message or request: YAML flow text, as ros2 takes it."""
+"""Messages and requests from the command line: YAML in flow style, as for ros2."""
 
 import re
 from typing import Any
@@ -9,14 +9,14 @@ _TYPE = re.compile(r"[A-Za-z]\w*/((msg|srv|action)/)?[A-Za-z]\w*")
 
 
 def split_type(first: str | None, second: str | None) -> tuple[str | None, str | None]:
-    """Tells a type from values, since the type may be left out.
+    """Distinguishes a type from values, because the type is optional.
 
     Args:
-        first: What stands after the name.
-        second: What stands after that.
+        first: The argument after the name.
+        second: The argument after that.
 
     Returns:
-        The type and the values, each None if it is not there.
+        The type and the values; None for a missing one.
     """
     if second is None and first is not None and not _TYPE.fullmatch(first):
         return None, first
@@ -24,16 +24,16 @@ def split_type(first: str | None, second: str | None) -> tuple[str | None, str |
 
 
 def full_type(name: str, kind: str) -> str:
-    """Returns a type name with its middle part, which users may leave out: `std_msgs/String`."""
+    """Returns a type name with its middle part, which is optional on the command line: `std_msgs/String`."""
     parts = name.split("/")
     return f"{parts[0]}/{kind}/{parts[1]}" if len(parts) == 2 else name
 
 
 def parse(text: str | None) -> dict[str, Any]:
-    """Returns the fields that YAML text holds; none at all for no text.
+    """Returns the fields in YAML text; an empty dictionary for no text.
 
     Raises:
-        WrongTypeError: It is no YAML, or no mapping.
+        WrongTypeError: The text is not YAML, or not a mapping.
     """
     from mjplug.config.document import parse_document
     from mjplug.config.problem import ConfigError, Source
@@ -47,8 +47,8 @@ def parse(text: str | None) -> dict[str, Any]:
     if document.problems:
         raise WrongTypeError(document.problems[0].message + _HINT)
     if not isinstance(document.value, dict):
-        raise WrongTypeError(f"{text!r} has no fields in it{_HINT}")
+        raise WrongTypeError(f"{text!r} contains no fields{_HINT}")
     return document.value
 
 
-_HINT = "; write fields as YAML, with a blank after each colon: '{linear: {x: 0.5}}'"
+_HINT = "; write fields as YAML, with a space after each colon: '{linear: {x: 0.5}}'"

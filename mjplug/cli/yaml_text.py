@@ -1,4 +1,4 @@
-"""Values as they stand in a configuration file, written so that our own rules read the same back."""
+"""YAML text of values, from which mjplug reads the same values."""
 
 import json
 import math
@@ -26,7 +26,7 @@ def scalar(value: Any) -> str:
 
 
 def text(value: str) -> str:
-    """Returns a text, in quotes unless it is sure to be read as the same text without."""
+    """Returns a string, in quotes unless YAML reads the same string without quotes."""
     from mjplug.config.document import unquoted
 
     plain = value.strip() == value and all(c.isalnum() or c in "_-./:" for c in value) and not value.endswith(":")
@@ -35,7 +35,7 @@ def text(value: str) -> str:
 
 
 def block(value: Mapping[str, Any], indent: str = "") -> list[str]:
-    """Returns a mapping as lines, mappings in it on lines of their own."""
+    """Returns the lines of a mapping in block style."""
     lines = []
     for key, item in value.items():
         if isinstance(item, Mapping) and item:

@@ -152,7 +152,7 @@ class Client(Graph):
         kind = type(message) if isinstance(message, Message) else known(self.topic(name).type) or dict
         publisher = self.publisher(name, kind)
         if not publisher.wait_for_subscriber(timeout):
-            raise TimedOutError(f"nobody reads {publisher.name}, even after {timeout:g} s")
+            raise TimedOutError(f"no subscriber for {publisher.name} within {timeout:g} s")
         publisher.publish(message)
 
     def call(

@@ -183,7 +183,7 @@ def _complete(config: zenoh.Config, endpoint: str) -> None:
     for key, value in (
         ("mode", "client"),
         ("scouting/multicast/enabled", False),
-        # One attempt: Zenoh itself would try again until then, also at a port that refuses connections.
+        # One attempt. With a longer timeout, Zenoh would retry until then, even at a port that refuses connections.
         ("connect/timeout_ms", 0),
     ):
         config.insert_json5(key, json.dumps(value))

@@ -40,7 +40,7 @@ def message_class(kind: Any) -> type[Any]:
     """Returns what a user means by a type: a message class, the name of one, or `dict`.
 
     Raises:
-        WrongTypeError: It is something else.
+        WrongTypeError: The value has another type.
     """
     found = find(kind) if isinstance(kind, str) else kind
     if found is dict or (isinstance(found, type) and issubclass(found, Message)):

@@ -1,4 +1,4 @@
-"""`mjplug interface show` and `proto`, in the form that ros2 gives them."""
+"""`mjplug interface show` and `proto`, in the format of ros2."""
 
 import io
 import sys

@@ -20,7 +20,9 @@ JOINTS = JointState(header=Header(frame_id="base"), name=("elbow", "wrist"), pos
         "True", "m.linear.x > 0.4", "m.linear.x == 0.5 and m.linear.y < 0", "not m.linear.z",
         "m.linear.y <= -2 <= m.linear.x", "m.linear.x * 4 + m.linear.y == 0", "m.linear.y // 1.5 == -2.0",
         "-m.linear.y % 1.5 == .5", "abs(m.linear.y) > m.linear.x", "isnan(m.angular.z)",
-        "hypot(m.linear.x, m.linear.y) > 2", "round(5, -10000000000) == 0", "round(m.linear.x * 0.5, 1) == 0.2", "m.linear.x if m.linear.y else False", "round(m.linear.x) == 0",
+        "hypot(m.linear.x, m.linear.y) > 2",
+        "round(5, -10000000000) == 0", "round(m.linear.x * 0.5, 1) == 0.2",
+        "m.linear.x if m.linear.y else False", "round(m.linear.x) == 0",
         " m.linear.x in (0.5, 1)", "max([m.linear.x, 3]) == 3", "m.linear.z == 0 or m.nothing.at.all",
     ],
 )  # fmt: skip

@@ -214,7 +214,10 @@ def test_a_new_plugin_is_written_with_its_name_in_all_places(ask, fail, here):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("Street-Lamp", "cannot be the name of a module: small letters, digits and _ are allowed; try street_lamp"),
+        (
+            "Street-Lamp",
+            "cannot be the name of a module: lower-case letters, digits and _ are allowed; try street_lamp",
+        ),
         ("class", "cannot be the name of a module"),
         ("heartbeat", "there is a plugin 'heartbeat' already"),
         ("json", "there is a module 'json' already"),

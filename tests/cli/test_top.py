@@ -56,7 +56,7 @@ def test_a_table_has_the_simulation_the_plugins_and_the_topics():
         "camera: front       -        -          -  ok",
         "push               12        0        7.5  ok",
         "",
-        "TOPIC SOMEBODY LISTENS TO  MESSAGES/S",
+        "TOPIC WITH SUBSCRIBERS  MESSAGES/S",
         "/clock                            100",
         "/tf                                50",
     ]

@@ -95,7 +95,7 @@ def test_without_the_library_the_error_contains_the_install_command(tmp_path):
     ended = run("keys", "init", cwd=tmp_path, command=WITHOUT_CRYPTOGRAPHY)
     assert ended.returncode == 1
     assert ended.stderr == (
-        "error: the library `cryptography` is missing, which makes certificates: pip install 'mjplug[security]'\n"
+        "error: the library `cryptography`, which creates certificates, is missing: pip install 'mjplug[security]'\n"
     )
 
 

@@ -132,9 +132,9 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
 
 def parse(told: dict[str, Any]) -> ServerInfo:
     """Returns what a server told about itself."""
-    name = told["name"]
+    name = values["name"]
     topics: dict[str, TopicInfo] = {}
-    for entry in told["topics"]:
+    for entry in values["topics"]:
         qos = entry["qos"]
         topic = TopicInfo(
             name=entry["name"],
@@ -150,9 +150,11 @@ def parse(told: dict[str, Any]) -> ServerInfo:
         )
         topics[topic.name] = _joined(topics.get(topic.name), topic)
     services = (
-        ServiceInfo(**{f: e[f] for f in ("name", "type", "hash", "key")}, server=name) for e in told["services"]
+        ServiceInfo(**{f: e[f] for f in ("name", "type", "hash", "key")}, server=name) for e in values["services"]
     )
-    return ServerInfo(name, told["version"], told["endpoint"], topics, {service.name: service for service in services})
+    return ServerInfo(
+        name, values["version"], values["endpoint"], topics, {service.name: service for service in services}
+    )
 
 
 def all_topics(servers: Iterable[ServerInfo]) -> dict[str, TopicInfo]:

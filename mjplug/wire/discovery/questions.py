@@ -88,4 +88,4 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
         assert reply.err is not None
         if (why := reply.err.payload.to_string()) != "Timeout":
             raise UnreadableListError(f"server {name} cannot tell what it offers: {why}")
-    raise NoAnswerError(f"server {name} does not answer; it may just have stopped")
+    raise NoAnswerError(f"server {name} does not answer; it may have stopped")
