@@ -16,7 +16,7 @@ _SECTION: Final = "#/$defs/RosSection"
 
 
 def config_schema() -> Schema:
-    """Returns the schema, with the parameters of every installed plugin; those of a plugin that cannot be imported are not checked.
+    """Returns the schema, with the parameters of every installed plugin that can be imported.
 
     The schema uses conditions instead of alternatives: an editor then reports what is wrong with a value, instead of
     "no alternative matches".

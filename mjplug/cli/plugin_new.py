@@ -1,4 +1,4 @@
-"""`mjplug plugin new`: creates a package with a plugin that can be installed, passes its own test and appears in the list."""
+"""`mjplug plugin new`: creates a package with a plugin and its test, ready to be installed."""
 
 import keyword
 import re

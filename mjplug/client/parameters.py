@@ -201,7 +201,7 @@ def _record(name: str, value: Any, present: int) -> ParameterValue:
         elements, kinds = [float(element) for element in elements], {float}
     if len(kinds) > 1 or not kinds <= _TYPES.keys():
         raise WrongTypeError(
-            f"parameter {name!r}: {value!r} is not a bool, a number, a string, or a list of values of one of these types"
+            f"parameter {name!r}: {value!r} is not a bool, a number, a string, or a list with values of one of them"
         )
     if not kinds:
         # An empty list does not tell its type.

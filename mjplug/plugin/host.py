@@ -17,7 +17,7 @@ from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
 from mjplug.contracts.transport import Publisher, Transport
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
-from mjplug.errors import RequestError, is_fault
+from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.physics.loop import Loop
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.guard import Stepping

@@ -183,5 +183,5 @@ def test_a_token_with_a_name_that_ros_does_not_allow_is_no_server(client, strang
 def test_a_list_that_cannot_be_trusted_is_refused(change):
     told = {"name": "/x", "version": "1", "endpoint": "", "topics": [], "services": []}
     assert read("/x", json.dumps(told).encode()).name == "/x"
-    with pytest.raises(UnreadableListError, match="server /x does not tell what it offers in a form that can be read"):
+    with pytest.raises(UnreadableListError, match="server /x sent a list of interfaces that cannot be read"):
         read("/x", json.dumps(told | change).encode())

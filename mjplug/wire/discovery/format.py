@@ -124,14 +124,12 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
                     raise ValueError(f"the key {quoted(entry[field])} is longer than {LONGEST_KEY} bytes")
         parse(content)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError, NameRuleError) as error:
-        raise UnreadableListError(
-            f"server {name} does not tell what it offers in a form that can be read: {error!r}"
-        ) from None
+        raise UnreadableListError(f"server {name} sent a list of interfaces that cannot be read: {error!r}") from None
     return content
 
 
-def parse(told: dict[str, Any]) -> ServerInfo:
-    """Returns what a server told about itself."""
+def parse(values: dict[str, Any]) -> ServerInfo:
+    """Returns the interfaces in the decoded reply of a server."""
     name = values["name"]
     topics: dict[str, TopicInfo] = {}
     for entry in values["topics"]:
