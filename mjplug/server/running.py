@@ -5,12 +5,12 @@ The thread that takes the steps is the physics thread. With `run=True` it is a t
 """
 
 import atexit
+import operator
 import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
-from numbers import Integral
 from types import TracebackType
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -24,6 +24,9 @@ from mjplug.log_scope import LogScope
 from mjplug.server.opened import OpenedServer
 from mjplug.server.prepared import Prepared
 from mjplug.server.whereabouts import whereabouts
+
+_MAX_STEPS = 2**32 - 1
+"""Maximum number of steps in a request to `~/step_simulation`."""
 
 STOP_TIMEOUT = 10.0
 """Maximum time that `RunningServer.stop` waits for the physics thread to end [s]."""
@@ -131,11 +134,9 @@ class RunningServer:
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
         """
         self._check_stepping_thread("step")
-        # The largest number of a request.
-        if not (isinstance(steps, Integral) and 0 <= steps < 2**32):
-            raise MjplugError(f"steps is {steps}; it must be an integer from 0 to {2**32 - 1}")
+        taken = _count(steps)
         with self._scope.active():
-            self._keeping_failure(lambda: self._opened.step(int(steps)))
+            self._keeping_failure(lambda: self._opened.step(taken))
 
     def wait(self, timeout: float | None = None) -> bool:
         """Waits until the server stops by itself, or another thread calls `stop`.
@@ -315,3 +316,14 @@ class RunningServer:
 def _interrupt(opening: "Future[OpenedServer]") -> None:
     if opening.exception() is None:
         opening.result().interrupt()
+
+
+def _count(steps: object) -> int:
+    """Returns a number of steps, if a request can contain it; NumPy's integers are valid too."""
+    try:
+        count = operator.index(steps)  # type: ignore[arg-type]
+    except TypeError:
+        count = -1
+    if not 0 <= count <= _MAX_STEPS:
+        raise MjplugError(f"steps is {steps}; it must be an integer from 0 to {_MAX_STEPS}")
+    return count
