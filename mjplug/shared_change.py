@@ -33,7 +33,7 @@ class SharedChange:
             self.release()
 
     def hold(self) -> None:
-        """Makes the change, unless it is already made. Without a `release` for each call, the change stays."""
+        """Makes the change, unless it is already made. Each call needs a `release`; until then, the change stays."""
         with self._lock:
             if self._undo is None:
                 self._undo = self._make()

@@ -1,4 +1,4 @@
-"""Imports MuJoCo quickly, and in a way that a camera setting cannot break."""
+"""Imports MuJoCo quickly, and independently of MUJOCO_GL."""
 
 import contextlib
 import gc
@@ -24,7 +24,7 @@ def import_mujoco() -> None:
     load the window library GLFW. A plugin that renders in this process gets the backend when it asks for `GLContext`.
 
     NumPy, which is imported here too, is limited to one thread for linear algebra unless the user has chosen a number:
-    its threads spin when they are created, and would take processor time from physics.
+    its threads spin when they are created, and would slow physics down.
     """
     os.environ.setdefault(_BLAS_THREADS, "1")
     backend = os.environ.get(_BACKEND)
@@ -44,7 +44,7 @@ def import_mujoco() -> None:
 
 @contextlib.contextmanager
 def quick_imports() -> Iterator[None]:
-    """Keeps the garbage collector off imports, which create many objects and leave little garbage."""
+    """Disables garbage collection during imports, which create many objects and little garbage."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -55,10 +55,10 @@ def quick_imports() -> Iterator[None]:
 
 
 def _load_backend(name: str) -> Any:
-    """Provides `GLContext` to MuJoCo's modules, as MUJOCO_GL asks for it.
+    """Provides `GLContext` to MuJoCo's modules, for the backend that MUJOCO_GL names.
 
     Raises:
-        AttributeError: Another name is asked for, or rendering is disabled.
+        AttributeError: The name is not `GLContext`, or rendering is disabled.
     """
     module = sys.modules.get(_GL_CONTEXT)
     if name == "GLContext" and module is not None:

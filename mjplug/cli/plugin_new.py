@@ -26,7 +26,7 @@ def write(name: str, into: Path) -> Path:
         into: The parent folder.
 
     Returns:
-        The folder.
+        The new folder.
 
     Raises:
         MjplugError: The name is not a module name or is taken, or the folder exists or cannot be written.

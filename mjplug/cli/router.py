@@ -20,7 +20,7 @@ def router(
         typer.Option(
             "--listen",
             "-l",
-            help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable. Default: tcp/127.0.0.1:7447.",
+            help="Zenoh endpoint to listen on; port 0 means any free port. Repeatable. Default: tcp/127.0.0.1:7447.",
         ),
     ] = None,
     connect: Annotated[

@@ -1,4 +1,4 @@
-"""`mjplug serve`: from a configuration file or a model to a running server."""
+"""`mjplug serve`: runs a server with a configuration file or a model."""
 
 import json
 from contextlib import closing
@@ -32,7 +32,7 @@ def serve(
         ),
     ],
     model: Annotated[
-        str | None, typer.Option(help="The model, in place of the one in the file.", autocompletion=complete_model)
+        str | None, typer.Option(help="The model, instead of the one in the file.", autocompletion=complete_model)
     ] = None,
     paused: Annotated[bool, typer.Option("--paused", help="Start paused.")] = False,
     keyframe: Annotated[
@@ -44,7 +44,7 @@ def serve(
     speed: Annotated[str | None, typer.Option(metavar="FACTOR|max", help="Real-time factor, or max.")] = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option("--listen", "-l", help="Zenoh endpoint to listen on; port 0 takes a free one. Repeatable."),
+        typer.Option("--listen", "-l", help="Zenoh endpoint to listen on; port 0 means any free port. Repeatable."),
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option("--connect", "-e", help="Zenoh endpoint to connect to. Repeatable.")
@@ -69,18 +69,19 @@ def serve(
     ] = None,
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set anything, e.g. sim.clock_rate=50. Repeatable."),
+        typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set any setting, e.g. sim.clock_rate=50. Repeatable."),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(min=0.0, metavar="SECONDS", help="End after so much simulated time.")
+        float | None, typer.Option(min=0.0, metavar="SECONDS", help="Stop after this simulated time.")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Check configuration, model and plugins, then end; nothing is sent.")
+        bool, typer.Option("--check", help="Check configuration, model and plugins, without a network, and exit.")
     ] = False,
     ready_file: Annotated[
         Path | None,
         typer.Option(
-            metavar="PATH", help="Write this file when services answer (JSON: endpoint); remove it at the end."
+            metavar="PATH",
+            help="Write this file when services answer (JSON: endpoint, server, pid); remove it at the end.",
         ),
     ] = None,
     verbose: Annotated[
@@ -88,12 +89,12 @@ def serve(
     ] = 0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Log warnings and errors only.")] = False,
 ) -> None:
-    """Runs a model and puts it on Zenoh.
+    """Simulates a model, and publishes it over Zenoh.
 
-    Everything in CONFIG can be overridden: --set beats the environment (MJPLUG_SIM__SPEED=2), which beats the file.
+    Options such as --set override environment variables (MJPLUG_SIM__SPEED=2), which override CONFIG.
     """
     ending = QuickEnd()
-    # Imported late, so that `mjplug --help` is quick.
+    # Imported here, so that `mjplug --help` is quick.
     import_mujoco()
     with exit_on_interrupt(), quick_imports():
         from mjplug.cli.exit_codes import exit_code
@@ -108,7 +109,7 @@ def serve(
         )
     sets = [*_plugins(plugin or []), *(set_ or [])]
     sets += [Option("--paused", "sim.paused=true")] if paused else []
-    # Quoted, so that a name such as 1 or on stays text.
+    # In quotes, so that a name such as `1` or `on` remains text.
     sets += [Option(f"--keyframe {keyframe}", f"sim.keyframe={json.dumps(keyframe)}")] if keyframe is not None else []
     sets += [Option(f"--speed {speed}", f"sim.speed={speed}")] if speed is not None else []
     sets += [_endpoints("listen", listen)] if listen else []
@@ -130,7 +131,7 @@ def serve(
             ending.code = exit_code(error)
             raise
         finally:
-            # Python's own end is bounded too: it waits for threads that plugins have started.
+            # The end of Python is limited too, because it waits for threads that plugins have started.
             watchdog.begin()
 
 
@@ -143,7 +144,7 @@ def _endpoints(name: str, given: list[str]) -> "Option":
 def _zenoh_config(file: str) -> "Option":
     from mjplug.config.load import Option
 
-    # Absolute, since a name in the configuration counts from the folder of its file.
+    # Absolute, because a relative path in the configuration is relative to the folder of its file.
     return Option(f"--zenoh-config {file}", f"zenoh.config={json.dumps(str(Path(file).resolve()))}")
 
 
@@ -151,7 +152,7 @@ def _plugins(wanted: list[str]) -> "list[str | Option]":
     """Turns `--plugin TYPE[:NAME]` into `--set plugins.NAME.type=TYPE`.
 
     Raises:
-        BadParameter: Two of them have one name.
+        BadParameter: Two plugins have the same name.
     """
     from mjplug.config.load import Option
     from mjplug.config.problem import Mark, Problem, Source
@@ -171,7 +172,8 @@ def _plugins(wanted: list[str]) -> "list[str | Option]":
             raise ConfigError([Problem(str(error), Mark(Source(f"--plugin {text}")))]) from error
         if name in sets:
             raise typer.BadParameter(
-                f"two plugins are called {name!r}; give one a name: --plugin {kind}:NAME", param_hint="--plugin"
+                f"two plugins have the name {name!r}; give one another name: --plugin {kind}:NAME",
+                param_hint="--plugin",
             )
         sets[name] = Option(f"--plugin {text}", f"plugins.{name}.type={json.dumps(kind)}")
     return list(sets.values())

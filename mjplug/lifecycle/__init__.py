@@ -1,1 +1,1 @@
-"""Start and stop of the server's process: readiness, signals, the watchdog that bounds a stop."""
+"""Start and stop of the process of `mjplug serve`: ready file, service manager, signals, time limit of the stop."""

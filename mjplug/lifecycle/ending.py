@@ -1,4 +1,4 @@
-"""The end of the process, without Python's teardown of every module, which takes long on a busy machine."""
+"""Ends the process without the teardown of Python's modules, which is slow on a busy machine."""
 
 import atexit
 import os
@@ -8,12 +8,12 @@ import sys
 class QuickEnd:
     """Ends the process as soon as Python has waited for its threads and called what was registered with `atexit`.
 
-    The teardown that Python would do next frees every object of every module: much work, of which nobody has anything,
-    and in which libraries have been seen to hang. Made before other modules register anything with `atexit`, since what
-    is registered first is called last.
+    The teardown that would follow frees every object of every module. It has no use, is slow, and some libraries hang
+    in it. Create the object before other modules register functions with `atexit`, because the function that is
+    registered first is called last.
 
     Attributes:
-        code: The exit code; while it is None, Python ends in its own way, for instance with a traceback.
+        code: The exit code. While it is None, Python ends as usual, for instance with a traceback.
     """
 
     def __init__(self) -> None:
@@ -28,6 +28,6 @@ class QuickEnd:
                 try:
                     stream.flush()
                 except OSError:
-                    # Its reader is gone.
+                    # The reader has closed the pipe.
                     continue
         os._exit(self.code)

@@ -1,7 +1,7 @@
-"""A small process that ends this one if Python itself hangs while the server is to stop.
+"""A small process that ends the server's process if Python itself hangs during a stop.
 
-It shares the socket to which the C part of Python's signal handling writes. While Python runs, the watchdog's thread
-takes each byte at once; a byte that stays there means that no Python code runs.
+Both processes have the socket to which the C part of Python's signal handling writes. While Python runs, the watchdog's
+thread reads each byte at once; if a byte stays in the socket, no Python code runs.
 """
 
 import contextlib
@@ -17,26 +17,26 @@ from pathlib import Path
 _PROGRAM = Path(__file__).with_name("overseer_process.py")
 
 _DUMP_SIGNAL = 41
-"""The real-time signal at which the C part of Python writes down where each thread is."""
+"""Real-time signal at which `faulthandler` writes the traceback of each thread."""
 
 _SIG_IGN = 1
-"""The C constant."""
+"""The value of SIG_IGN in C."""
 
 
 class Overseer:
-    """The process, and the pipes to it.
+    """The process and the pipes to it.
 
     Attributes:
-        pid: Its number.
+        pid: The process id.
 
     Args:
-        signals: The socket with the signals' numbers.
+        signals: The socket from which the watchdog reads the numbers of signals.
         seconds: Time from the first signal, or from `begin`, to the forced end [s].
-        exit_code: The exit code after a forced end. It is also the real-time signal that the process sends: its handler
-            is libc's `_exit`, which needs no Python and gets the signal's number as its argument.
+        exit_code: The exit code after a forced end. It is also the number of the real-time signal that is sent.
+            The handler of this signal is libc's `_exit`, which needs no Python and gets the number as its argument.
 
     Raises:
-        OSError: The platform lacks what it needs, or the process cannot be started.
+        OSError: The platform has no real-time signals or no pidfd, or the process cannot be started.
     """
 
     def __init__(self, signals: socket.socket, seconds: float, exit_code: int) -> None:
@@ -45,11 +45,12 @@ class Overseer:
         libc = ctypes.CDLL(None)
         libc.signal.argtypes = (ctypes.c_int, ctypes.c_void_p)
         libc.signal(exit_code, ctypes.cast(libc._exit, ctypes.c_void_p))
-        # What faulthandler puts back when Python ends: without it, the signal would end the process with another code.
+        # faulthandler restores this handler when Python ends. With the default one, the signal would end the
+        # process with another code.
         libc.signal(_DUMP_SIGNAL, _SIG_IGN)
         dump_reader, dump_writer = os.pipe()
         control_reader, self._control = os.pipe()
-        # Written in a signal handler: a full pipe must not block it.
+        # A signal handler writes to it, and must not block if the pipe is full.
         os.set_blocking(dump_writer, False)
         self._dump = os.fdopen(dump_writer, "wb", buffering=0)
         faulthandler.register(_DUMP_SIGNAL, self._dump, all_threads=True, chain=False)
@@ -58,29 +59,29 @@ class Overseer:
         numbers = (os.getpid(), seconds, *descriptors, thread, _DUMP_SIGNAL, exit_code)
         try:
             process = subprocess.Popen(
-                # Without site-packages: it needs the standard library alone, and starts in 10 ms.
+                # Without site-packages: it needs only the standard library, and starts in 10 ms.
                 [sys.executable, "-I", "-S", str(_PROGRAM), *map(str, numbers)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 pass_fds=descriptors,
-                # A group of its own: Ctrl-C in a terminal is the server's to handle.
+                # In a separate process group, so that Ctrl-C in a terminal does not reach it.
                 process_group=0,
             )
         finally:
             os.close(control_reader)
             os.close(dump_reader)
         self.pid = process.pid
-        # Kept, since Python warns of a process that is forgotten while it runs.
+        # Stored, because Python warns when the object of a running process is deleted.
         self._process = process
 
     def begin(self) -> None:
-        """Says that the server is about to end."""
-        self._tell(b"s")
+        """Reports that the server begins to stop."""
+        self._send(b"s")
 
     def forcing(self) -> None:
-        """Says that the server is about to end by force, and names what hung itself."""
-        self._tell(b"f")
+        """Reports that the watchdog ends the server, and prints the reason itself."""
+        self._send(b"f")
 
-    def _tell(self, what: bytes) -> None:
+    def _send(self, what: bytes) -> None:
         with contextlib.suppress(OSError):
             os.write(self._control, what)

@@ -1,4 +1,4 @@
-"""The program of the process that `overseer` starts. It imports nothing but the standard library."""
+"""The program that `overseer` starts. It imports only the standard library."""
 
 import os
 import re
@@ -10,33 +10,33 @@ import time
 from dataclasses import dataclass
 
 _STEP = 0.1
-"""Pause between two looks at the number of a signal that stops nothing, and that nobody has taken yet [s]."""
+"""Interval between two checks of a signal that does not stop the server and has not been read yet [s]."""
 
 _DUMP_TIME = 0.3
-"""Time for the server to write down where its threads are [s]."""
+"""Time for the server to write the tracebacks of its threads [s]."""
 
 _EXIT_TIME = 0.2
-"""Time for the server to end by itself after the signal for it [s]."""
+"""Time for the server to end after a signal that ends it [s]."""
 
 _GRACE = 0.4
-"""Time that a server gets which has begun to end itself by force, on a busy machine [s]."""
+"""Time for a server that has begun to end itself by force, on a busy machine [s]."""
 
 _STOPPING = {signal.SIGINT, signal.SIGTERM}
 
 
 @dataclass(frozen=True, slots=True)
 class Server:
-    """The server, as this process sees it.
+    """The server's process.
 
     Attributes:
-        process: A pidfd, which becomes readable when the server has ended, however it ended. It means this process
-            for ever, while another one may get the server's number.
+        process: A pidfd, which becomes readable when the server has ended. Unlike a process id, it never refers to
+            another process.
         signals: The socket to which the C part of the server's signal handling writes the numbers of signals.
-        control: A pipe that gives `s` when the server is about to end, and `f` when it begins to end by force.
-        dump: A pipe that gives where the threads of the server are, after `dump_signal`.
-        thread: Its physics thread, as Python numbers threads.
+        control: A pipe that contains `s` when the server begins to stop, and `f` when it begins to end by force.
+        dump: A pipe that contains the tracebacks of the server's threads after `dump_signal`.
+        thread: Python's identifier of the physics thread.
         dump_signal: Signal at which the server writes to `dump`.
-        exit_signal: Signal at which it ends.
+        exit_signal: Signal at which the server ends.
     """
 
     process: int
@@ -54,10 +54,10 @@ class Server:
             if self.process in ready:
                 return False
             if self.control in ready:
-                # Without a byte, this is the end of the pipe, and so of the server.
+                # No byte means that the pipe is closed, so the server has ended.
                 return bool(os.read(self.control, 1))
             try:
-                # Only looked at: the server takes it, if Python runs.
+                # Not removed from the socket: the server reads it if Python runs.
                 waiting = self.signals.recv(64, socket.MSG_PEEK | socket.MSG_DONTWAIT)
             except BlockingIOError:
                 continue
@@ -66,18 +66,18 @@ class Server:
             time.sleep(_STEP)
 
     def ended(self, within: float) -> bool:
-        """Waits until the server has ended, or for a time [s]; returns whether it has."""
+        """Waits at most `within` [s] until the server has ended; returns whether it has."""
         return _readable(self.process, within)
 
     def ends_itself(self) -> bool:
-        """Whether the server has begun to end by force, so that its Python runs."""
+        """Returns whether the server has begun to end itself by force, which means that its Python runs."""
         return _readable(self.control, 0.0) and b"f" in os.read(self.control, 16)
 
     def end(self, seconds: float) -> None:
-        """Ends it, and says where it hung.
+        """Ends the server, and prints where it hung.
 
         Args:
-            seconds: How long its stop has taken [s].
+            seconds: Time since the stop began [s].
         """
         signal.pidfd_send_signal(self.process, self.dump_signal)
         text = b""
@@ -87,11 +87,11 @@ class Server:
             f"error: the server did not stop within {seconds:g} s and was ended: Python itself stood still, "
             f"{place(text.decode(errors='replace'), self.thread)}\n"
         )
-        # Standard error may be a pipe that nobody reads.
+        # Standard error may be a full pipe.
         if select.select([], [2], [], _DUMP_TIME)[1]:
             os.write(2, sentence.encode()[: select.PIPE_BUF])
-        # The first one leaves the exit code, and ends also the first process of a container, which SIGKILL from inside
-        # does not; the second one ends a process that is stopped.
+        # The first signal keeps the exit code, and also ends process 1 of a container, which SIGKILL from inside does
+        # not. The second one ends a process that is stopped.
         for number in (self.exit_signal, signal.SIGKILL):
             signal.pidfd_send_signal(self.process, number)
             if self.ended(_EXIT_TIME):
@@ -99,11 +99,11 @@ class Server:
 
 
 def place(dump: str, thread: int) -> str:
-    """Returns where a thread is, by what Python's faulthandler has written.
+    """Returns where a thread is, from the output of `faulthandler`.
 
     Args:
-        dump: Blocks of lines, one block for each thread, its innermost call first.
-        thread: The thread's number.
+        dump: Blocks of lines, one block for each thread, the innermost call first.
+        thread: Python's identifier of the thread.
     """
     for block in re.split(r"\n\s*\n", dump):
         head, _, rest = block.strip().partition("\n")
@@ -121,19 +121,19 @@ def main(pid: int, seconds: float, signals: int, control: int, dump: int, *rest:
     """Ends the server if it takes too long to stop; returns when the server has ended.
 
     Args:
-        pid: The server.
+        pid: The process id of the server.
         seconds: Time from the beginning of a stop to the forced end [s].
-        signals: The descriptors and numbers of `Server`.
-        control: As above.
-        dump: As above.
+        signals: As in `Server`.
+        control: As in `Server`.
+        dump: As in `Server`.
         rest: `thread`, `dump_signal`, `exit_signal`.
     """
-    # What stops the server may send the same signal to this process, which is needed until the server has ended.
+    # A program that stops the server may also send the signal to this process, which must outlast the server.
     for number in (*_STOPPING, signal.SIGHUP, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
     process = os.pidfd_open(pid)
     if os.getppid() != pid:
-        # The server has ended meanwhile, and its number may be another process's by now.
+        # The server has ended, and another process may have its process id.
         return
     server = Server(process, socket.socket(fileno=signals), control, dump, *rest)
     if not server.begins_to_stop() or server.ended(seconds):
@@ -147,5 +147,5 @@ if __name__ == "__main__":
     try:
         main(int(pid), float(seconds), *map(int, rest))
     except ProcessLookupError:
-        # The server has ended meanwhile.
+        # The server has ended.
         sys.exit(0)

@@ -1,4 +1,4 @@
-"""A file that is there while the server is ready, for scripts that start one."""
+"""A file that exists while the server is ready, for scripts that start a server."""
 
 import contextlib
 import json
@@ -10,21 +10,21 @@ from mjplug.errors import MjplugError
 
 
 class ReadyFile:
-    """The file, which holds one JSON object: `endpoint`, `server` (its full name), `pid`.
+    """The ready file. It contains one JSON object: `endpoint`, `server` (its full name), `pid`.
 
-    A file that an earlier server left behind is removed at once, so that nobody takes it for this server's.
+    The file of an earlier server is removed at once, so that no script takes it for the file of this server.
 
     Args:
-        path: Where it is written.
+        path: The path of the file.
 
     Raises:
-        MjplugError: It cannot be written there.
+        MjplugError: The file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            # Tried now, since a server that finds out when it is ready has started in vain.
+            # Checked now, because later the whole start would have been useless.
             descriptor, name = _temporary(path)
             os.close(descriptor)
             Path(name).unlink()
@@ -33,10 +33,10 @@ class ReadyFile:
             raise _unwritable(path, error) from error
 
     def write(self, endpoint: str, server: str) -> None:
-        """Writes the file; a reader never sees a part of it.
+        """Writes the file in one operation, so that no reader sees a part of it.
 
         Raises:
-            MjplugError: It cannot be written.
+            MjplugError: The file cannot be written.
         """
         text = json.dumps({"endpoint": endpoint, "server": server, "pid": os.getpid()})
         try:
@@ -48,14 +48,14 @@ class ReadyFile:
             raise _unwritable(self._path, error) from error
 
     def remove(self) -> None:
-        """Removes it, unless another server has written it meanwhile."""
+        """Removes the file, unless another server has replaced it."""
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             if json.loads(self._path.read_text(encoding="utf-8"))["pid"] == os.getpid():
                 self._path.unlink()
 
 
 def _temporary(path: Path) -> tuple[int, str]:
-    """Makes a file beside `path`, from where it can be moved in one operation."""
+    """Creates a file in the folder of `path`, from where it can be moved in one operation."""
     return tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
 
 

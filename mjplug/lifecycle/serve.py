@@ -22,17 +22,18 @@ def serve(
     ready_file: Path | None,
     announce: Callable[[str], None],
 ) -> None:
-    """Serves until a signal, or until `duration` has been simulated. The process does nothing else.
+    """Runs a server until a signal, or until `duration` has been simulated. The process does nothing else.
 
     Args:
-        prepared: What is served.
-        duration: Simulated time after which it ends [s]; None is never.
-        watchdog: Bounds the stop; it watches already.
-        ready_file: The file that says that services answer.
-        announce: Gets the line that says so.
+        prepared: The configuration, model and plugins.
+        duration: Simulated time after which the server stops [s]; None means without a limit.
+        watchdog: Limits the duration of the stop; already started.
+        ready_file: Path of the ready file; None means no file.
+        announce: Called with the `ready` line when services answer.
 
     Raises:
-        MjplugError: It cannot start, or a plugin or the simulation has failed under a policy that stops the server.
+        MjplugError: The server cannot start, or a plugin failed or the simulation diverged under a policy that
+            stops the server.
     """
     watchdog.describe = lambda: whereabouts({})
     manager = ServiceManager()
@@ -46,18 +47,18 @@ def serve(
         opened.network.close(reason)
 
     watchdog.describe = lambda: whereabouts(server.plugins)
-    watchdog.farewell = leave
+    watchdog.on_forced_stop = leave
     watchdog.on_signal = opened.interrupt
     server.on_stopping += [watchdog.begin, manager.stopping]
-    told = f"{opened.endpoint} · {prepared.summary} · {_state(prepared.loaded.settings.sim)}"
-    # Signals outside, so that a repeated one cannot cut the last answers off.
+    summary = f"{opened.endpoint} · {prepared.summary} · {_state(prepared.loaded.settings.sim)}"
+    # The signal handlers stay until the server is closed, so that a repeated signal cannot cut off the last answers.
     with stopping_on_signals(server.loop), closing(opened):
         try:
             if opened.wait_until_ready():
-                announce(f"ready · {told}")
+                announce(f"ready · {summary}")
                 if ready is not None:
                     ready.write(opened.endpoint, prepared.name)
-                manager.ready(told, server.loop.inbox)
+                manager.ready(summary, server.loop.inbox)
             with process.frozen_garbage():
                 opened.run(duration)
         finally:

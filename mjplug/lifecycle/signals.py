@@ -13,9 +13,10 @@ from mjplug.physics.loop import Loop
 
 @contextmanager
 def stopping_on_signals(loop: Loop) -> Iterator[None]:
-    """Lets SIGINT and SIGTERM stop the loop at its next boundary; a later one ends the process at once.
+    """Stops the loop between two steps after SIGINT or SIGTERM; a second signal ends the process at once.
 
-    A repeat within `SAME_SIGNAL` is the same signal: `timeout`, for one, sends it to the process and to its group.
+    A repetition within `SAME_SIGNAL` counts as the same signal: `timeout`, for example, sends each signal to the
+    process and to its group.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

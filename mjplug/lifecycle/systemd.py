@@ -15,8 +15,8 @@ class ServiceManager:
     """The socket that `NOTIFY_SOCKET` names; without that variable, nothing is sent.
 
     Args:
-        environ: The environment. The variables are taken out, so that processes that the server starts do not send
-            anything in its name.
+        environ: The environment. The variables are removed, so that processes started by the server do not send
+            notifications for it.
     """
 
     def __init__(self, environ: MutableMapping[str, str] = os.environ) -> None:
@@ -27,36 +27,36 @@ class ServiceManager:
         self._socket: socket.socket | None = None
         if self._address and hasattr(socket, "AF_UNIX"):
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-            # A manager that does not read must not hold up the server.
+            # A service manager that does not read must not delay the server.
             self._socket.setblocking(False)
 
     def status(self, text: str) -> None:
-        """Sends what `systemctl status` shows."""
+        """Sends the text that `systemctl status` shows."""
         self._send(f"STATUS={text}")
 
     def ready(self, text: str, inbox: Inbox) -> None:
-        """Says that the server answers, and from now on that the physics thread makes progress, if that is asked for.
+        """Reports that the server is ready; with a watchdog, starts to report progress of the physics thread.
 
         Args:
-            text: What `systemctl status` shows.
-            inbox: The way to the physics thread.
+            text: The text that `systemctl status` shows.
+            inbox: Passes calls to the physics thread.
         """
         self._send(f"READY=1\nSTATUS={text}")
         if self._socket is not None and self._watchdog > 0.0:
             threading.Thread(target=self._keep_alive, args=(inbox,), name="service manager", daemon=True).start()
 
     def stopping(self) -> None:
-        """Says that the server ends; nothing is sent after that."""
+        """Reports that the server stops. Nothing is sent afterwards."""
         self._stopping.set()
         self._send("STOPPING=1\nSTATUS=stopping")
-        gone, self._socket = self._socket, None
-        if gone is not None:
-            gone.close()
+        unused, self._socket = self._socket, None
+        if unused is not None:
+            unused.close()
 
     def _keep_alive(self, inbox: Inbox) -> None:
-        """Sends a sign of life twice in each interval, but only when the physics thread has run a call since the last.
+        """Sends `WATCHDOG=1` twice in each interval, but only if the physics thread has run a call since the last one.
 
-        A loop that hangs, or that takes longer than the interval between two steps, sends none.
+        If the loop hangs, or a step takes longer than the interval, nothing is sent.
         """
         while not self._stopping.wait(self._watchdog / 2):
             progress = threading.Event()
@@ -68,7 +68,7 @@ class ServiceManager:
         to = self._socket
         if to is None:
             return
-        # A name that begins with @ is one of Linux's abstract namespace.
+        # A name that begins with @ is in Linux's abstract namespace.
         address = f"\0{self._address[1:]}" if self._address.startswith("@") else self._address
         try:
             to.sendto(text.encode(), address)

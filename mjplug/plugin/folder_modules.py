@@ -1,6 +1,6 @@
 """Plugin modules in the folder of a configuration file: `type: wind:Wind` with the file `wind.py` in that folder.
 
-The folder is on `sys.path` as long as a server needs it, because plugins may import more modules later, and worker
+The folder stays on `sys.path` until the server ends, because plugins may import more modules later, and worker
 processes import from it too. Module names are unique in a process, so two servers in one process cannot use two
 different modules `wind`.
 """

@@ -15,10 +15,10 @@ class LocalCall:
 
     Attributes:
         request: The request.
-        parameters: As those of a selector, such as `{"wait": "false"}`.
+        parameters: The parameters of a Zenoh selector, such as `{"wait": "false"}`.
         response: The response; None until the service has answered, and after a refusal.
-        refusal: Why the request was refused; None if it was not.
-        answers: How often the service has answered; only the first answer counts.
+        refusal: The reason for which the request was refused; None if it was not.
+        answers: Number of answers from the service; only the first one counts.
     """
 
     def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
@@ -34,23 +34,23 @@ class LocalCall:
         return self.answers > 0
 
     def respond(self, response: Message) -> None:
-        """Keeps the response, unless there is an answer already."""
+        """Stores the response, unless the service has already answered."""
         if not self.answered:
             self.response = response
         self.answers += 1
 
     def refuse(self, reason: str) -> None:
-        """Keeps the reason, unless there is an answer already."""
+        """Stores the reason, unless the service has already answered."""
         if not self.answered:
             self.refusal = reason
         self.answers += 1
 
 
 class LocalCalls:
-    """A transport whose services can be called from this process too, on the same way through the physics thread.
+    """A transport whose services can also be called from this process. The physics thread handles these calls too.
 
     Args:
-        transport: Where everything is declared.
+        transport: Declares the publishers, subscribers and services.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -66,12 +66,12 @@ class LocalCalls:
         self._transport.open_subscription(topic, deliver)
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
-        """Declares a service, and keeps the way to it."""
+        """Declares a service, and stores its callback for `send`."""
         self._transport.open_service(service, deliver)
         self._services[service] = deliver
 
     def send(self, type: type[Service], request: Message) -> LocalCall:
-        """Sends a request to the first service of a type: the server's own come before those of plugins.
+        """Sends a request to the first service of a type. The server declares its own services before those of plugins.
 
         Args:
             type: The service's class.

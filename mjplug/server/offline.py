@@ -1,4 +1,4 @@
-"""A transport that goes nowhere, and workers that do nothing: `mjplug serve --check` starts every plugin with them."""
+"""A transport without a network, and workers that do nothing. `mjplug serve --check` starts the plugins with them."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -12,23 +12,23 @@ from mjplug_schemas.message import Message
 
 
 class OfflinePublisher:
-    """Publishes to nobody."""
+    """A publisher without subscribers."""
 
     matched = False
 
     def publish(self, message: Message) -> None:
-        """Drops the message."""
+        """Discards the message."""
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        """Drops the frame."""
+        """Discards the frame."""
 
 
 class OfflineTransport:
-    """Accepts every endpoint, and delivers nothing.
+    """Records what is declared, and delivers nothing.
 
     Attributes:
-        published: The topics that are published.
-        subscribed: The topics that are subscribed to.
+        published: The topics with a publisher.
+        subscribed: The topics with a subscriber.
         services: The services.
     """
 
@@ -38,21 +38,21 @@ class OfflineTransport:
         self.services: list[ServiceName] = []
 
     def open_publisher(self, topic: Topic[Any], on_matched: Callable[[], None] | None = None) -> OfflinePublisher:
-        """Returns a publisher without listeners."""
+        """Records the topic, and returns a publisher without subscribers."""
         self.published.append(topic)
         return OfflinePublisher()
 
     def open_subscription(self, topic: Topic[Any], deliver: Callable[[Any], None]) -> None:
-        """Notes the topic."""
+        """Records the topic."""
         self.subscribed.append(topic)
 
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
-        """Notes the service."""
+        """Records the service."""
         self.services.append(service)
 
 
 class OfflineWorker:
-    """Is never ready."""
+    """A worker that never becomes ready."""
 
     def __init__(self) -> None:
         self.status = WorkerStatus()
@@ -62,7 +62,7 @@ class OfflineWorker:
 
 
 class OfflineWorkerPool:
-    """Accepts every order, and starts nothing."""
+    """A pool that starts no process."""
 
     def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> OfflineWorker:
         """Returns a worker that does nothing."""

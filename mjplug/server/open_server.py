@@ -1,4 +1,4 @@
-"""`mjplug.open_server`: from its arguments to a server in this process."""
+"""`mjplug.open_server`: opens a server in this process."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ def open_server(
     duration: float | None = None,
     run: bool = True,
 ) -> RunningServer:
-    """Opens a server in this process, as `mjplug serve` does in a process of its own.
+    """Opens a server in this process, as `mjplug serve` does in a separate process.
 
     The arguments have the names and meanings of the command's options. They outrank environment variables such as
     `MJPLUG_SIM__SPEED`, which outrank the configuration.
@@ -39,8 +39,8 @@ def open_server(
 
     Args:
         config: A configuration file, a ROS parameter file (with `model`), a model (`scene.xml`, `bundled:box`), or what
-            a configuration file contains as a mapping. Relative paths in a mapping count from the current folder.
-        model: The model, in place of the one in the configuration.
+            a configuration file contains as a mapping. Relative paths in a mapping are relative to the current folder.
+        model: The model, instead of the one in the configuration.
         plugins: Plugins to add. A list contains types; each instance is named after its type. A mapping contains, by
             instance name, the type, the class, or `{"type": ..., parameters}` as in a configuration file.
         paused: Whether to start paused.
@@ -49,27 +49,27 @@ def open_server(
         listen: Zenoh endpoint or endpoints to listen on; port 0 is any free one.
         connect: Zenoh endpoint or endpoints to connect to.
         zenoh_config: A Zenoh configuration file: certificates, roles, passwords and so on.
-        settings: Any other settings by their dotted names, as `--set`: `{"sim.clock_rate": 50.0}`.
-        environ: Environment variables, of which those such as `MJPLUG_SIM__SPEED` count; `{}` for none.
+        settings: Other settings by their dotted names, as with `--set`: `{"sim.clock_rate": 50.0}`.
+        environ: Environment variables; those such as `MJPLUG_SIM__SPEED` are settings. `{}` means none.
         duration: Simulated time after which the server stops by itself [s]; only with `run`.
-        run: Whether physics runs in a thread of its own. If not, the server is paused, and only the calling thread
-            takes steps, with `RunningServer.step`.
+        run: Whether physics runs in a separate thread. If not, the server starts paused, and the calling thread takes
+            steps with `RunningServer.step`.
 
     Returns:
-        The server, which answers requests. Use it in a `with` statement, or call its `stop`.
+        The server, which already answers requests. Use it in a `with` statement, or call its `stop`.
 
     Raises:
-        ConfigError: The configuration is wrong; the text contains every problem.
+        ConfigError: The configuration is invalid; the text contains every problem.
         ModelError: The model cannot be loaded.
         PluginError: A plugin refused to start.
-        WireError: The server cannot get onto the network.
+        WireError: The Zenoh session cannot be opened, or the server does not answer a request.
     """
     if not run and duration is not None:
         raise MjplugError("duration needs run=True; with run=False, call step")
     if duration is not None and not 0.0 <= duration <= MAX_SIMULATED_TIME:
         raise MjplugError(f"duration is {duration:g} s; it must be from 0 to {MAX_SIMULATED_TIME} s")
     if not run and paused is False:
-        raise MjplugError("paused=False needs run=True; with run=False, only step takes steps")
+        raise MjplugError("paused=False needs run=True; with run=False, the server starts paused")
     scope = LogScope()
     with scope.active():
         draft, classes = draft_of(

@@ -1,4 +1,4 @@
-"""One server with everything that belongs to it: network, services, plugins and worker processes.
+"""A server with its network, services, plugins and worker processes.
 
 The thread that opens it is its physics thread: the main thread of `mjplug serve`; with `mjplug.open_server`, a thread
 of its own or the thread of the caller.
@@ -32,7 +32,9 @@ _log = logging.getLogger(__name__)
 
 
 class OpenedServer:
-    """A server on the network. The thread that opens it is its physics thread, and makes all calls but `interrupt`.
+    """A server on the network. The thread that opens it is its physics thread.
+
+    Only the physics thread may call its methods, except `interrupt`.
 
     Attributes:
         prepared: Its configuration, model and plugins.
@@ -40,10 +42,10 @@ class OpenedServer:
         network: Its transport.
 
     Args:
-        prepared: As above; closed with the server, also when it cannot be opened.
+        prepared: As above. It is closed with the server, and also if the server cannot be opened.
 
     Raises:
-        WireError: It cannot get onto the network.
+        WireError: The Zenoh session cannot be opened.
         PluginError: A plugin refused to start.
     """
 
@@ -80,14 +82,14 @@ class OpenedServer:
 
     @property
     def endpoint(self) -> str:
-        """Where clients connect."""
+        """The Zenoh endpoint where clients connect."""
         return self.network.session.endpoint
 
     def wait_until_ready(self) -> bool:
-        """Serves requests until the server has answered one of its own.
+        """Sends the server a request, and handles requests until the answer comes.
 
         Returns:
-            Whether it has; False if it was interrupted.
+            True after the answer; False if `interrupt` was called first.
 
         Raises:
             WireError: There was no answer in time.
@@ -95,7 +97,7 @@ class OpenedServer:
         return wait_until_ready(self.server.loop, self.network)
 
     def run(self, duration: float | None = None) -> None:
-        """Runs physics, paced by the wall clock, until it is stopped, or until `duration` has been simulated [s].
+        """Runs physics at the real-time factor until the server is stopped or `duration` has been simulated [s].
 
         Raises:
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
@@ -105,13 +107,13 @@ class OpenedServer:
         _log.info("stopped at t = %.3f s, after %d steps", simulation.time_ns / 1e9, simulation.step)
 
     def step(self, steps: int) -> None:
-        """Takes physics steps as a request to `step_simulation` does: at full speed, from pause.
+        """Takes physics steps as a request to `step_simulation` does. The simulation must be paused.
 
         Args:
-            steps: How many; with 0, only the requests and messages that wait are handled.
+            steps: Number of steps; 0 handles only the waiting requests and messages.
 
         Raises:
-            RequestError: The steps could not be taken; the sentence says why, and how many were.
+            RequestError: Not all steps were taken; the text contains the reason and the number of steps taken.
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
         """
         loop = self.server.loop
@@ -128,7 +130,7 @@ class OpenedServer:
         """Handles requests, and takes the steps that clients ask for.
 
         Args:
-            seconds: For how long [s of wall time]; None is until the server is stopped.
+            seconds: How long [s of wall time]; None means until the server is stopped.
 
         Returns:
             Whether the server was stopped.
@@ -138,7 +140,7 @@ class OpenedServer:
         """
         loop = self.server.loop
         until = None if seconds is None else monotonic() + seconds
-        # Wakes the loop, which may wait for a request.
+        # Wakes the loop, which may be waiting for a request.
         alarm = threading.Timer(seconds or 0.0, loop.inbox.post, (_nothing,))
         alarm.daemon = True
         if until is not None:
@@ -173,12 +175,12 @@ class OpenedServer:
             raise MjplugError(f"the server {self.prepared.name} was stopped")
 
     def interrupt(self) -> None:
-        """Stops `run` and the like at the next step. Any thread."""
+        """Ends `run` and the other methods that wait, at the next step. May be called on any thread."""
         loop = self.server.loop
         loop.inbox.interrupt(loop.stop)
 
     def close(self) -> None:
-        """Cancels requests, cleans plugins up, ends worker processes, leaves the network; may be called twice."""
+        """Cancels requests, cleans up plugins, ends worker processes, closes the session. It may be called twice."""
         self._closing.close()
 
 

@@ -1,4 +1,4 @@
-"""From a configuration to a model in its starting state, and plugins with their parameters: all before the network."""
+"""Loads a configuration, its model and its plugin classes, before the network is opened."""
 
 import logging
 import threading
@@ -22,21 +22,21 @@ from mjplug.server.server import Server
 from mjplug.server.starting_pose import take_starting_pose
 
 PROGRESS_AFTER = 2.0
-"""After this time, the log says that the model is still being compiled [s]."""
+"""Time after which the log reports that the model is still being compiled [s]."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """What a server is opened with. It holds changes to the process until `close`.
+    """A configuration, model and plugins, from which a server is opened. Its changes to the process last until `close`.
 
     Attributes:
         loaded: The configuration.
         plugins: The plugins to run, in the order of their updates.
         model: The model and its file.
-        simulation: The model and its state, at the start.
-        changes: Takes back the changes to the process.
+        simulation: The model and its initial state.
+        changes: Undoes the changes to the process.
     """
 
     loaded: Loaded
@@ -52,12 +52,12 @@ class Prepared:
 
     @property
     def summary(self) -> str:
-        """Model and plugins, in one line."""
+        """One line with the model and the plugins."""
         names = ", ".join(plugin.name for plugin in self.plugins) or "none"
         return f"model {self.model.name} ({_size(self.simulation)}) · plugins: {names}"
 
     def close(self) -> None:
-        """Takes back the changes to the process: import folders and MuJoCo's handlers. A second call does nothing."""
+        """Undoes the changes to the process: import folders and MuJoCo's handlers. A second call does nothing."""
         self.changes.close()
 
 
@@ -66,10 +66,10 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
 
     Args:
         draft: The configuration.
-        classes: Plugin classes that need not be imported, by the type that the configuration refers to them with.
+        classes: Plugin classes that need not be imported, by the type under which the configuration names them.
 
     Raises:
-        ConfigError: The configuration is wrong.
+        ConfigError: The configuration is invalid.
         ModelError: The model cannot be loaded.
     """
     with ExitStack() as changes:
@@ -77,7 +77,7 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
         loaded, plugins = select(draft, classes)
         settings = loaded.settings
         for warning in loaded.warnings:
-            # A problem has several lines, and has escaped what it quotes.
+            # The text has several lines, and quoted values in it are already escaped.
             _log.warning("%s", warning, extra={"printable": True})
         changes.enter_context(process.mujoco_configured())
         _load_engine_plugins(loaded)
@@ -98,14 +98,14 @@ def _load_engine_plugins(loaded: Loaded) -> None:
         path = ("sim", "plugin_libraries", i)
         file = loaded.path(path)
         try:
-            # It was there when the configuration was checked.
+            # The file existed when the configuration was checked.
             engine_plugins.load(file or Path(loaded.settings.sim.plugin_libraries[i]))
         except ModelError as error:
             raise ConfigError([loaded.problem(path, str(error))]) from error
 
 
 def check(prepared: Prepared) -> None:
-    """Starts the plugins without a network, and cleans them up.
+    """Starts the plugins without a network, and then cleans them up.
 
     Raises:
         PluginError: A plugin refused to start.
@@ -125,7 +125,7 @@ def _size(simulation: Simulation) -> str:
 
 @contextmanager
 def _progress(what: str) -> Iterator[None]:
-    """Logs after a while that something is still going on."""
+    """Logs a line if the block takes longer than `PROGRESS_AFTER`."""
     timer = threading.Timer(PROGRESS_AFTER, _log.info, (f"{what} ...",))
     timer.start()
     try:

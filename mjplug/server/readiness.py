@@ -1,4 +1,4 @@
-"""Finds out whether the server answers, before it is called ready."""
+"""Checks that the server answers a request before it reports that it is ready."""
 
 import threading
 from time import monotonic
@@ -18,17 +18,17 @@ READY_TIME = 30.0
 
 
 def wait_until_ready(loop: Loop, network: Network) -> bool:
-    """Sends a request to the server's own `get_parameters` through its session, and runs the inbox until the answer.
+    """Sends a request to the server's own `get_parameters` through its session, and handles requests until the answer.
 
-    The request takes the way of every other one: Zenoh's routing, decoding, the inbox, the handler on this thread, the
+    The request is processed as any other one: Zenoh's routing, decoding, the inbox, the handler on this thread, and the
     thread that sends answers. No step is taken meanwhile.
 
     Args:
-        loop: The loop, which does not run yet. The calling thread becomes the physics thread.
-        network: Where the services are declared.
+        loop: The loop, which is not running yet. The calling thread becomes the physics thread.
+        network: The network on which the services are declared.
 
     Returns:
-        Whether the answer came; False if a signal stopped the server first.
+        True after the answer; False if the server was interrupted first.
 
     Raises:
         WireError: There was no answer in time, or it was an error.
@@ -46,7 +46,7 @@ def wait_until_ready(loop: Loop, network: Network) -> bool:
         Callback(replies.append, drop=end, indirect=False),
         payload=GetParameters.Request().to_cdr(),
         encoding=encoding_of("cdr", GetParameters.Request),
-        # Another program may have a queryable for the same key, and never answer.
+        # Another program may have a queryable for the same key that never answers.
         allowed_destination=zenoh.Locality.SESSION_LOCAL,
         timeout=READY_TIME,
     )
@@ -61,8 +61,8 @@ def wait_until_ready(loop: Loop, network: Network) -> bool:
     if any(reply.ok is not None for reply in replies):
         return True
     reasons = [reply.err.payload.to_bytes().decode(errors="replace") for reply in replies if reply.err is not None]
-    said = f": {reasons[0]}" if reasons else ""
-    raise WireError(f"the server's own request to {service} was not answered within {READY_TIME:g} s{said}")
+    reason = f": {reasons[0]}" if reasons else ""
+    raise WireError(f"the server's own request to {service} was not answered within {READY_TIME:g} s{reason}")
 
 
 def _nothing() -> None:

@@ -1,4 +1,4 @@
-"""Finds out what a server will declare, before it gets onto a network: the access rules must be known by then."""
+"""Finds out which interfaces a server will declare. Its access rules need them before the session is opened."""
 
 import copy
 import logging
@@ -27,22 +27,22 @@ def rehearse(
     name: str,
     ros2: RosSettings | None,
 ) -> Interfaces:
-    """Starts every plugin on a copy of the model and without a network, as `mjplug serve --check` does, and stops it.
+    """Starts every plugin on a copy of the model without a network, as `mjplug serve --check` does, and cleans it up.
 
     Args:
         loaded: The configuration.
         model: The compiled model; it is not changed.
-        plugins: What is to run.
-        model_file: The model's file, if it comes from one.
+        plugins: The plugins of the server.
+        model_file: The file of the model; None if it has none.
         name: The server's full name.
-        ros2: How ROS 2 nodes see the server; None if they do not.
+        ros2: Settings of the ROS 2 interfaces; None if they are disabled.
 
     Raises:
         PluginError: A plugin refused to start.
     """
     transport = OfflineTransport()
     before = logging.root.manager.disable
-    # Whatever there is to say, the real start says it.
+    # The real start logs the same warnings.
     logging.disable(logging.WARNING)
     try:
         simulation = Simulation(copy.copy(model), loaded.settings.sim.keyframe)

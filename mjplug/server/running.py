@@ -37,11 +37,11 @@ T = TypeVar("T")
 class RunningServer:
     """A server in this process. `open_server` returns one.
 
-    It is a context manager, which stops the server at the end of the block. An error that stops the physics thread is
-    raised by the next call of `wait`, `step` or `stop`, or at the end of the block.
+    It is a context manager that stops the server at the end of the block. If an error stops the physics thread, the
+    next call of `wait`, `step` or `stop` raises it, or the end of the block.
 
     Attributes:
-        name: Its full name, such as `/robot1/mjplug`.
+        name: The server's full name, such as `/robot1/mjplug`.
         endpoint: The Zenoh endpoint where clients connect, such as `tcp/127.0.0.1:40123`.
 
     Args:
@@ -101,7 +101,7 @@ class RunningServer:
         return self._prepared.simulation.data
 
     def client(self, *, timeout: float = 5.0, config: str | os.PathLike[str] | None = None) -> Client:
-        """Connects to the server; names with `~` are this server's.
+        """Connects a client to the server. In its names, `~` is this server.
 
         With `run=False`, a service call on the stepping thread handles requests until it gets the response. Messages of
         the server's topics arrive with the next `step`.
@@ -111,10 +111,10 @@ class RunningServer:
             config: A Zenoh configuration file for the client: certificates, passwords and so on.
 
         Returns:
-            A new connection, closed with the server if not before.
+            A new client. `stop` closes it if it is still open.
 
         Raises:
-            NoServerError: The server has stopped, or does not let the client in.
+            NoServerError: The server has stopped or refuses the client.
         """
         client = open_client(self.endpoint, self.name, Timeouts(timeout, timeout), config, self._client_class())
         self._clients.add(client)
@@ -129,8 +129,8 @@ class RunningServer:
             steps: Number of steps. With 0, only the waiting requests and messages are handled.
 
         Raises:
-            RequestError: The steps could not be taken, because the simulation diverged or a client resumed it; the
-                sentence says why, and how many were taken.
+            RequestError: Not all steps were taken, because the simulation diverged or a client resumed it; the text
+                contains the reason and the number of steps that were taken.
             MjplugError: A plugin failed, or the simulation diverged, under a policy that stops the server.
         """
         self._check_stepping_thread("step")
@@ -169,7 +169,8 @@ class RunningServer:
         asks the server to stop, and returns at once. A `wait` then ends.
 
         Raises:
-            MjplugError: The server failed, and no other call has raised the error; or it does not stop.
+            MjplugError: The server failed, and no other call has raised the error; or it did not stop within
+                `STOP_TIMEOUT`.
         """
         self._stop()
         if self._failure is not None and not self._raised:
@@ -217,7 +218,7 @@ class RunningServer:
             raise
 
     def _run(self, opening: "Future[OpenedServer]", duration: float | None) -> None:
-        """The physics thread, from the opening to the end of the server."""
+        """Opens the server, runs it and closes it, on the physics thread."""
         try:
             opened = self._open()
         except BaseException as error:
@@ -252,7 +253,7 @@ class RunningServer:
         self._thread.join(STOP_TIMEOUT)
         if self._thread.is_alive():
             place = whereabouts(self._opened.server.plugins, self._thread)
-            raise MjplugError(f"{self.name} does not stop within {STOP_TIMEOUT:g} s: {place} does not return")
+            raise MjplugError(f"{self.name} did not stop within {STOP_TIMEOUT:g} s: {place} did not return")
 
     def _stop_at_exit(self) -> None:
         """Stops the server at the end of the process, if the program has not stopped it."""

@@ -1,4 +1,4 @@
-"""Puts the parts together: model, loop, wire, services, plugins; runs them and takes them down in order."""
+"""Assembles model, loop, services and plugins, runs them, and cleans them up in the reverse order."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -39,20 +39,20 @@ class Server:
 
     Attributes:
         loop: The physics loop.
-        plugins: The plugins that run, by instance name.
-        diagnostics: Whom to ask how things are.
+        plugins: The running plugins by instance name.
+        diagnostics: The diagnostics of the server and its plugins.
         on_stopping: Called when the loop has ended, before requests are cancelled and plugins are cleaned up.
 
     Args:
         settings: The configuration.
         simulation: The model and its state.
-        transport: Where endpoints are declared; the caller closes it after `run`.
-        plugins: What to run, in the order of their updates.
-        workers: Who runs the works of the plugins; the caller closes it after `run`.
-        model_file: The model's file, if it comes from one.
+        transport: Declares the topics and services; the caller closes it after `run`.
+        plugins: The plugins to run, in the order of their updates.
+        workers: Starts the worker processes of the plugins; the caller closes it after `run`.
+        model_file: The file of the model; None if it has none.
 
     Raises:
-        PluginError: Plugins refused to start; the sentence has all of them, and those that had started are cleaned up.
+        PluginError: Plugins refused to start; the text names all of them. Plugins that had started are cleaned up.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Server:
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
         self.diagnostics.add("plugins", self._times.diagnose)
-        # The first to come and the last to go, so that what plugins log in between is in it.
+        # Started before the plugins and ended after them, so that their log lines are published.
         packages = [selected.plugin_class.__module__.partition(".")[0] for selected in plugins]
         self._cleanups.callback(rosout.offer(host, self.loop, name, packages))
         try:
@@ -114,7 +114,7 @@ class Server:
             raise loop.failure
 
     def end(self) -> None:
-        """Cancels the requests that wait, and takes the plugins down; a second call does nothing."""
+        """Cancels the waiting requests, and cleans up the plugins. A second call does nothing."""
         callbacks, self.on_stopping = self.on_stopping, []
         with self._cleanups:
             for callback in callbacks:
@@ -122,11 +122,11 @@ class Server:
             self.loop.scheduler.cancel("cancelled: the server is stopping")
 
     def cleanup(self) -> None:
-        """Takes the plugins down without having run."""
+        """Cleans up the plugins of a server that has not run."""
         self._cleanups.close()
 
     def _start_all(self, plugins: Sequence[Selected]) -> None:
-        """Starts the plugins. The error has what every one of them refuses, so that all can be mended at once."""
+        """Starts the plugins. The error contains the reasons of all that refuse, so that they can be fixed together."""
         refusals: list[PluginError] = []
         for selected in plugins:
             try:

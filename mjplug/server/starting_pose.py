@@ -1,4 +1,4 @@
-"""From the configuration to the state in which the simulation starts."""
+"""Sets the initial state of the simulation from the configuration."""
 
 import logging
 
@@ -14,17 +14,18 @@ _log = logging.getLogger(__name__)
 
 
 def take_starting_pose(simulation: Simulation, loaded: Loaded) -> None:
-    """Puts the simulation, which is at its keyframe, into the state that the configuration asks for.
+    """Sets the initial state that the configuration describes.
 
-    The file comes first, then the keyframe, then the model's default pose; positions by joint are laid over it. The
-    controls are those of the file or the keyframe; without them, position servos hold the pose.
+    A start-position file replaces the keyframe, and a keyframe replaces the model's default pose. Positions by joint
+    are then applied to the result. The controls are those of the file or the keyframe; without them, position actuators
+    hold the pose.
 
     Args:
-        simulation: It has taken no step yet. A reset brings back what it has afterwards.
+        simulation: The simulation, in the state of its keyframe and without a step. A reset restores the new state.
         loaded: The configuration.
 
     Raises:
-        ConfigError: Something in it does not fit the model; all of it is in there, with its places.
+        ConfigError: Settings do not fit the model; the text contains every problem with its place.
     """
     sim = loaded.settings.sim
     problems = []
@@ -38,7 +39,7 @@ def take_starting_pose(simulation: Simulation, loaded: Loaded) -> None:
             initial_state.start_from(simulation, vectors)
             controlled = "ctrl" in vectors
         if sim.keyframe:
-            _log.warning("the start-position file takes the place of keyframe %r", sim.keyframe)
+            _log.warning("the start-position file replaces keyframe %r", sim.keyframe)
     for joint, position in sim.initial_positions.items():
         try:
             initial_state.check_position(simulation, joint, position)

@@ -1,4 +1,4 @@
-"""Says in words what the physics thread is doing, from its Python frames."""
+"""Describes what the physics thread is doing, from its Python frames."""
 
 import linecache
 import sys
@@ -20,7 +20,7 @@ _STANDARD_LIBRARY = sysconfig.get_paths()["stdlib"]
 
 
 def whereabouts(plugins: Mapping[str, Plugin[Any]], thread: threading.Thread | None = None) -> str:
-    """Returns what the physics thread is doing: the part of the server, and the place in its source.
+    """Returns which part of the server the physics thread is running, and the place in its source.
 
     Args:
         plugins: The plugin instances by name.
@@ -70,7 +70,7 @@ def _part(frames: list[FrameType], plugins: Mapping[str, Plugin[Any]]) -> str:
 
 
 def _place(frames: list[FrameType]) -> str:
-    """Returns the innermost place outside of the standard library, which says more than a wait in `threading`."""
+    """Returns the innermost place outside the standard library, because a place in `threading` says little."""
     own = (frame for frame in frames if not _is_standard(frame.f_code.co_filename))
     frame = next(own, frames[0] if frames else None)
     if frame is None:

@@ -1,4 +1,4 @@
-"""Compares messages field by field, and names what differs."""
+"""Compares messages field by field."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from mjplug_schemas.message import Message
 
 MOST_DIFFERENCES = 10
-"""How many differences an error names."""
+"""Maximum number of differences in an error."""
 
 
 def assert_message(
@@ -21,13 +21,13 @@ def assert_message(
 
     Args:
         actual: The message.
-        expected: A message of the same type; or nested mappings, such as `{"twist": {"linear": {"x": 0.5}}}`, and only
-            the fields in them are compared. Sequences must have the same length.
+        expected: A message of the same type; or nested mappings, such as `{"twist": {"linear": {"x": 0.5}}}`, of which
+            only the given fields are compared. Sequences must have the same length.
         rel: Relative tolerance.
         abs: Absolute tolerance, in the unit of the field.
 
     Raises:
-        AssertionError: It has not; the text names the fields that differ.
+        AssertionError: Fields differ; the text contains their names and values.
     """
     __tracebackhide__ = True
     if isinstance(expected, Message) and type(actual) is not type(expected):

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 def mjplug_server() -> "Iterator[Callable[..., RunningServer]]":
     """Opens servers with the arguments of `mjplug.open_server`, and stops them at the end of the test.
 
-    Environment variables such as `MJPLUG_SIM__SPEED` do not count, unless `environ` is given.
+    Environment variables such as `MJPLUG_SIM__SPEED` are ignored, unless `environ` is given.
 
         def test_the_box_stands_still(mjplug_server):
             server = mjplug_server("bundled:box", run=False)
             server.step(100)
             assert server.data.qvel[0] == 0.0
 
-    A server that has failed lets the test fail, unless the test has seen the error.
+    If a server fails and the test has not caught the error, the test fails.
     """
     with ExitStack() as servers:
 

@@ -1,4 +1,4 @@
-"""A transport without a network: tests publish and call by hand, and read what was published."""
+"""A transport without a network. Tests send messages and requests to plugins, and read what plugins publish."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -11,12 +11,12 @@ from mjplug_schemas.message import Message, Service
 
 
 class FakePublisher:
-    """Keeps what is published. Implements `mjplug.contracts.transport.Publisher`.
+    """Stores published messages. Implements `mjplug.contracts.transport.Publisher`.
 
     Attributes:
-        matched: Whether the topic has a subscriber; true at first, and may be changed.
-        messages: The messages, the first one first. Frames are decoded.
-        on_matched: What the plugin wants to be called when a first subscriber appears; None if it does not.
+        matched: Whether the topic has a subscriber. Initially true; a test may change it.
+        messages: The messages, oldest first. Frames are decoded.
+        on_matched: The plugin's function to call when the first subscriber appears; None if it has none.
     """
 
     def __init__(self, on_matched: Callable[[], None] | None = None) -> None:
@@ -25,11 +25,11 @@ class FakePublisher:
         self.on_matched = on_matched
 
     def publish(self, message: Message) -> None:
-        """Keeps a message."""
+        """Stores a message."""
         self.messages.append(message)
 
     def publish_frame(self, frame: CdrFrame) -> None:
-        """Keeps the message that a frame contains."""
+        """Stores the message in a frame."""
         self.messages.append(frame.type.from_cdr(frame.payload()))
 
 
@@ -56,7 +56,7 @@ class FakeTransport:
 
     @property
     def subscriptions(self) -> set[str]:
-        """The names of all topics that are subscribed to."""
+        """The names of all topics with a subscriber."""
         return set(self._subscriptions)
 
     def open_publisher(self, topic: Topic[Any], on_matched: Callable[[], None] | None = None) -> FakePublisher:
@@ -76,7 +76,7 @@ class FakeTransport:
         self.types[service.name] = service.type
 
     def send(self, name: str, message: Message) -> None:
-        """Gives a message to the subscribers of a topic. They handle it at the next step boundary.
+        """Sends a message to the subscribers of a topic. They handle it before the next step.
 
         Args:
             name: The topic's full name.
@@ -93,15 +93,15 @@ class FakeTransport:
             deliver(message)
 
     def call(self, name: str, request: Message | None = None, **parameters: str) -> LocalCall:
-        """Sends a request to a service. It is handled at the next step boundary.
+        """Sends a request to a service, which handles it before the next step.
 
         Args:
             name: The service's full name.
-            request: The request; None is one with initial values.
+            request: The request; None means a request with default values.
             **parameters: Parameters of the selector, such as `wait="false"`.
 
         Returns:
-            The call, which gets the response.
+            The call, which will contain the response.
 
         Raises:
             KeyError: No plugin provides the service.

@@ -1,4 +1,4 @@
-"""Workers without processes: a test decides when a job is performed, and sees what comes of it."""
+"""Workers without processes. A test decides when a job is performed."""
 
 import copy
 import logging
@@ -22,13 +22,13 @@ class InlineWorker:
 
     Attributes:
         status: State and counters.
-        spec: What it does.
-        work: The plugin's work; a copy, as in a process.
+        spec: The work and its callbacks.
+        work: A copy of the plugin's work, as in a worker process.
 
     Args:
         spec: As above.
-        simulation: Where the states come from.
-        inbox: Through which the spec's callbacks reach the physics thread.
+        simulation: The simulation whose state is copied for each job.
+        inbox: Passes the calls of the spec's callbacks to the physics thread.
     """
 
     def __init__(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> None:
@@ -51,7 +51,7 @@ class InlineWorker:
             inbox.post(lambda: spec.on_ready(said))
 
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
-        """Takes the present state, and performs the job unless `hold` was called."""
+        """Copies the current state, and performs the job unless `hold` was called."""
         wanted = frozenset(tasks)
         if self.status.state == "unavailable":
             self._inbox.post(lambda: self.spec.on_lost(wanted, self.status.reason))
@@ -68,11 +68,11 @@ class InlineWorker:
             self._perform()
 
     def hold(self) -> None:
-        """Lets jobs wait from now on, as those of a busy process do; a newer state replaces one that waits."""
+        """Keeps later jobs waiting, as a busy process does. A newer job replaces the waiting one."""
         self._hold = True
 
     def release(self) -> None:
-        """Performs the job that waits, and each further one at once."""
+        """Performs the waiting job, and each later one at once."""
         self._hold = False
         if self._waiting is not None:
             self._perform()
@@ -81,7 +81,7 @@ class InlineWorker:
         assert self._waiting is not None
         (job, state), self._waiting = self._waiting, None
         snapshot.load(self._model, self._data, state)
-        # As on the way between processes.
+        # Pickled, as between processes.
         report: Any = pickle.loads(pickle.dumps(self.work.perform(self._data, job)))
         self.status.performed += 1
         self._inbox.post(lambda: self.spec.on_done(job, report))

@@ -1,4 +1,4 @@
-"""Plugins in a simulation that a test steps, without a network and without threads."""
+"""A simulation with plugins that a test steps, without a network and without threads."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -24,10 +24,10 @@ P = TypeVar("P", bound=Plugin[Any])
 
 
 class World:
-    """A simulation with plugins, whose topics and services a test reaches without a network.
+    """A simulation with plugins, whose topics and services a test uses without a network.
 
     The loop, the hosts and the physics are those of the server. Time advances in `step` only. Every topic has a
-    subscriber, unless a test says otherwise: `world.transport.publishers["/lamp/height"].matched = False`.
+    subscriber until a test changes that: `world.transport.publishers["/lamp/height"].matched = False`.
 
     Attributes:
         model: The compiled model.
@@ -39,12 +39,12 @@ class World:
         loop: The physics loop.
 
     Args:
-        model: A compiled model, MJCF text that begins with `<`, or what `model:` of a configuration file may name, such
+        model: A compiled model, MJCF text that begins with `<`, or any value of `model:` in a configuration file, such
             as `bundled:arm`.
         keyframe: Name or index of the keyframe to start from; empty means the model's default pose.
-        paused: Whether the simulation is paused; `step` takes steps all the same.
-        speed: Real-time factor, which matters to `loop.run` only.
-        on_divergence: As `sim.on_divergence`.
+        paused: Whether the simulation is paused; `step` takes steps even then.
+        speed: Real-time factor; only `loop.run` uses it.
+        on_divergence: As `sim.on_divergence` in a configuration file.
 
     Raises:
         ModelError: The model cannot be loaded.
@@ -87,11 +87,11 @@ class World:
         Args:
             name: The instance's name; its relative topics are below `/<name>/`.
             seed: Seed of the host's random numbers.
-            disable_on_error: Whether a failure switches the plugin off, as `on_plugin_error: disable` does.
-            model_file: The model's file, if it comes from one.
-            folders: Where files that the plugin's parameters name are looked for.
-            stopwatch: Measures the time that the plugin takes; None is one that nobody reads.
-            frame_prefix: What stands before TF frames.
+            disable_on_error: Whether a failure disables the plugin, as `on_plugin_error: disable` does.
+            model_file: The file of the model; None if it has none.
+            folders: Folders for relative paths in the plugin's parameters.
+            stopwatch: Measures the wall time of the plugin's calls; None means that no test reads it.
+            frame_prefix: Prefix of TF frames.
         """
         names = partial(resolve, namespace="", node=name, remap={})
         return Host(
@@ -118,7 +118,10 @@ class World:
             **parameters: Its parameters.
 
         Returns:
-            The plugin. What its `init` raises is raised here.
+            The plugin.
+
+        Raises:
+            Exception: Any error of the plugin's `init`.
         """
         plugin = plugin_class()
         host = self.host(name)
@@ -127,10 +130,10 @@ class World:
         return plugin
 
     def step(self, steps: int = 1) -> None:
-        """Takes steps, with everything that is due: timers, updates, messages and requests that wait.
+        """Takes steps. Waiting messages and requests, timers and updates are handled as in the server.
 
         Args:
-            steps: How many; with 0, messages and requests are handled, and no step is taken.
+            steps: Number of steps; 0 handles only the waiting messages and requests.
 
         Raises:
             PluginError: A plugin failed.
@@ -145,11 +148,11 @@ class World:
         self.loop.reset(Reset())
 
     def call(self, name: str, request: Message | None = None, **parameters: str) -> LocalCall:
-        """Sends a request to a service, which handles it without a step.
+        """Sends a request to a service, which handles it at once, without a step.
 
         Args:
             name: The service's full name, such as `/lamp/set_zero`.
-            request: The request; None is one with initial values.
+            request: The request; None means a request with default values.
             **parameters: Parameters of the selector, such as `wait="false"`.
 
         Returns:
@@ -160,7 +163,7 @@ class World:
         return call
 
     def publish(self, name: str, message: Message) -> None:
-        """Publishes a message to the plugins that subscribe to a topic, which handle it without a step.
+        """Sends a message to the plugins that subscribe to a topic. They handle it at once, without a step.
 
         Args:
             name: The topic's full name, such as `/cmd_vel`.
@@ -170,7 +173,7 @@ class World:
         self.loop.step(0)
 
     def published(self, name: str) -> list[Any]:
-        """Returns what has been published on a topic, the first message first. Clear the list to forget.
+        """Returns the messages that plugins have published on a topic, oldest first. A test may clear the list.
 
         Args:
             name: The topic's full name, such as `/lamp/height`.

@@ -46,12 +46,12 @@ def test_a_good_installation_has_no_problem():
     ("changed", "level", "says"),
     [
         ({"mujoco": "4.0.0"}, "error", "mujoco 4.0.0 computes wrong forces in large models"),
-        ({"mujoco": "3.1.0"}, "warning", "mujoco 3.1.0 was never tried with mjplug"),
-        ({"mujoco": "5.0.1"}, "warning", "mujoco 5.0.1 was never tried with mjplug"),
+        ({"mujoco": "3.1.0"}, "warning", "mujoco 3.1.0 has not been tested with mjplug"),
+        ({"mujoco": "5.0.1"}, "warning", "mujoco 5.0.1 has not been tested with mjplug"),
         (
             {"mujoco_core": "4.0.1"},
             "error",
-            "two versions of MuJoCo are in one folder: mujoco 3.17.0 and mujoco-core 4",
+            "two versions of MuJoCo are installed in one folder: mujoco 3.17.0 and mujoco-core 4",
         ),
     ],
 )
@@ -73,8 +73,8 @@ def test_variables_that_would_stop_a_server_are_found_and_others_are_reported():
         )
         if finding.level == "note"
     ]
-    assert told[0] == "MJPLUG_SIM__SPEED: outranks what configuration files say"
-    assert told[1].startswith("RMW_IMPLEMENTATION=rmw_fastrtps_cpp: ROS 2 nodes started here do not see")
+    assert told[0] == "MJPLUG_SIM__SPEED: overrides configuration files"
+    assert told[1].startswith("RMW_IMPLEMENTATION=rmw_fastrtps_cpp: ROS 2 nodes started here do not discover")
 
 
 def drawing(**works):
@@ -86,14 +86,14 @@ def test_the_backend_that_cameras_draw_through_is_named():
     assert [(finding.level, finding.message.partition(":")[0]) for finding in findings] == [
         ("ok", "egl"), ("note", "osmesa"), ("note", "glfw"),
     ]  # fmt: skip
-    assert findings[0].message == "egl: cameras draw through it: NVIDIA RTX"
-    assert "in software" in findings[1].message
-    assert findings[2].message == "glfw: does not work: there is no display"
+    assert findings[0].message == "egl: cameras render with it: NVIDIA RTX"
+    assert "(software rendering; " in findings[1].message
+    assert findings[2].message == "glfw: does not work: no display"
 
 
 def test_with_a_display_glfw_comes_first():
     findings = list(check_graphics({"DISPLAY": ":0"}, drawing(glfw="Mesa Intel", egl="Mesa Intel"), "linux"))
-    assert findings[0].message == "glfw: cameras draw through it: Mesa Intel"
+    assert findings[0].message == "glfw: cameras render with it: Mesa Intel"
     assert findings[2].fix == "apt-get install libosmesa6"
 
 
@@ -104,7 +104,7 @@ def test_without_any_opengl_the_packages_are_named():
 
 def test_a_choice_that_does_not_work_is_an_error_with_one_that_does():
     *_, last = check_graphics({"MUJOCO_GL": "osmesa"}, drawing(egl="NVIDIA"), "linux")
-    assert (last.level, last.message) == ("error", "MUJOCO_GL=osmesa names no backend that works here")
+    assert (last.level, last.message) == ("error", "MUJOCO_GL=osmesa does not work on this machine")
     assert last.fix == "export MUJOCO_GL=egl, or unset MUJOCO_GL"
 
 
@@ -124,7 +124,7 @@ def test_the_backends_of_this_machine_are_tried(monkeypatch):
 def test_a_free_port_and_a_running_server_are_both_fine(tour):
     free = on_free_port("tcp/127.0.0.1:0")
     (finding,) = check_network(free)
-    assert (finding.level, finding.message) == ("ok", f"{free} is free: a server can listen there")
+    assert (finding.level, finding.message) == ("ok", f"no program listens at {free}")
     (finding,) = check_network(tour.endpoint)
     assert finding.level == "ok"
     assert finding.message.startswith("server /mjplug (mjplug ")

@@ -144,7 +144,7 @@ OPTIONS = {
     ),
     "a name that no plugin can have": Mistake("bundled:box --plugin heartbeat:a.b", 3, ["'a.b' is not a valid ROS"]),
     "two plugins of one name": Mistake(
-        "bundled:box --plugin heartbeat --plugin heartbeat", 2, ["two plugins are called 'heartbeat'"]
+        "bundled:box --plugin heartbeat --plugin heartbeat", 2, ["two plugins have the name 'heartbeat'"]
     ),
     "a variable that is not there": Mistake(
         "bundled:box",

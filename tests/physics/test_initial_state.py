@@ -83,7 +83,7 @@ def test_a_start_position_file_gives_the_whole_state_in_place_of_the_keyframe(st
     assert (simulation.data.qvel == np.full(18, 0.1)).all()
     assert (simulation.data.ctrl.tolist(), simulation.data.act.tolist()) == ([0.2, 0.6], [0.5])
     assert simulation.data.time == 0.0
-    assert "takes the place of keyframe 'bent'" in caplog.text
+    assert "replaces keyframe 'bent'" in caplog.text
     assert comes_back(simulation)
 
 

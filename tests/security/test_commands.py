@@ -101,7 +101,7 @@ def test_without_the_library_the_error_contains_the_install_command(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.timeout(240)
-def test_doctor_finds_the_doors_that_are_open_to_whom(tmp_path):
+def test_doctor_finds_which_actions_are_allowed_to_which_client(tmp_path):
     KeyFolder.create(tmp_path / "keys", ["localhost"])
     server = Served("bundled:box", "--zenoh-config", "keys/server/server.json5", cwd=tmp_path, listen=LISTEN)
     unsafe = Served("bundled:box", cwd=tmp_path)
@@ -111,23 +111,23 @@ def test_doctor_finds_the_doors_that_are_open_to_whom(tmp_path):
             ran = run("doctor", "--security", *words, cwd=tmp_path, within=100.0)
             told = json.loads(ran.stdout)
             assert (ran.returncode, told["faults"]) == (0, 0)
-            doors = {(one["who"], one["door"]): one["state"] for one in told["doors"]}
+            results = {(one["client"], one["action"]): one["result"] for one in told["attempts"]}
             me = f"{name}.json5"
-            assert doors["nobody", "connect"] == "closed"
-            assert doors[me, "hear /clock"] == "open"
-            assert doors[me, "call /mjplug/get_parameters"] == "open"
-            assert doors[me, "call /mjplug/set_pause"] == ("open" if name == "operator" else "closed")
-            assert doors[me, "publish in place of /mjplug"] == "closed"
-            assert doors[me, "offer a service of /mjplug"] == "closed"
+            assert results["anonymous", "connect"] == "denied"
+            assert results[me, "receive /clock"] == "allowed"
+            assert results[me, "call /mjplug/get_parameters"] == "allowed"
+            assert results[me, "call /mjplug/set_pause"] == ("allowed" if name == "operator" else "denied")
+            assert results[me, "publish in place of /mjplug"] == "denied"
+            assert results[me, "provide a service of /mjplug"] == "denied"
         ran = run("doctor", "--security", "-e", unsafe.endpoint, cwd=tmp_path, within=100.0)
         assert ran.returncode == 1
-        for door in (
+        for action in (
             "read the traffic on the network",
             "connect",
             "call /mjplug/reset_world",
             "publish in place of /mjplug",
         ):
-            assert re.search(f"{door} +open +SHOULD BE CLOSED", ran.stdout), (door, ran.stdout)
+            assert re.search(f"{action} +allowed +SHOULD BE DENIED", ran.stdout), (action, ran.stdout)
         state = run("sim", "state", "-e", unsafe.endpoint, cwd=tmp_path).stdout
         assert "running" in state
     finally:
@@ -137,4 +137,4 @@ def test_doctor_finds_the_doors_that_are_open_to_whom(tmp_path):
 
 def test_doctor_reports_that_no_server_is_listening(tmp_path):
     ended = run("doctor", "--security", "-e", "tcp/127.0.0.1:1", cwd=tmp_path)
-    assert (ended.returncode, "nobody listens at tcp/127.0.0.1:1" in ended.stderr) == (5, True)
+    assert (ended.returncode, "no program listens at tcp/127.0.0.1:1" in ended.stderr) == (5, True)

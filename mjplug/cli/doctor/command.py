@@ -1,4 +1,4 @@
-"""`mjplug doctor`: looks at everything, says what it finds, and the fix for what is wrong."""
+"""`mjplug doctor`: checks the installation and the machine, and prints how to fix each problem."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
@@ -21,19 +21,21 @@ def doctor(
             "-e",
             metavar="ENDPOINT",
             envvar="MJPLUG_CONNECT",
-            help="Where a server listens, or shall listen.  [default: tcp/127.0.0.1:7447]",
+            help="Endpoint where a server listens or will listen.  [default: tcp/127.0.0.1:7447]",
         ),
     ] = None,
     security: Annotated[
-        bool, typer.Option("--security", help="Try what a running server lets whom do, and nothing else.")
+        bool, typer.Option("--security", help="Only test what clients are allowed to do with a running server.")
     ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Show what was found as JSON.")] = False,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
     quick: Annotated[
         bool, typer.Option("--quick", help="Only ask a running server whether it is healthy; exit code 0 if so.")
     ] = False,
     server: Annotated[
         str,
-        typer.Option("--server", metavar="NAME", help="With --quick: the server, where several are: /robot1/mjplug."),
+        typer.Option(
+            "--server", metavar="NAME", help="With --quick: server to ask when several are running: /robot1/mjplug."
+        ),
     ] = "",
     zenoh_config: Annotated[
         str | None,
@@ -48,10 +50,10 @@ def doctor(
         typer.Option("--timeout", min=0.0, metavar="SECONDS", help="With --quick: how long to wait for the answer."),
     ] = TIMEOUT,
 ) -> None:
-    """Looks at packages, plugins, network, scheduling and graphics, and opens a server for a moment.
+    """Checks packages, plugins, network, scheduling and graphics, and opens a server for a moment.
 
-    It says how to fix what is wrong, and ends with exit code 1 if something does not work. With --security, it ends
-    with exit code 1 if a server lets somebody do what he should not.
+    It prints how to fix each problem. The exit code is 1 if something does not work. With --security, the exit code is
+    1 if a client can do something that should be denied.
     """
     if quick:
         check_quickly(connect, server, zenoh_config, timeout)
@@ -87,21 +89,21 @@ def _security(endpoint: str | None, file: str | None, json: bool) -> None:
     from dataclasses import asdict
     from pathlib import Path
 
-    from mjplug.cli.doctor.security import check_security
+    from mjplug.cli.doctor.security import ANONYMOUS, check_security
     from mjplug.client.connection import endpoint_for
 
     path = None if file is None else Path(file)
-    doors = list(check_security(endpoint_for(endpoint, path), path))
-    faults = sum(door.fault for door in doors)
+    attempts = list(check_security(endpoint_for(endpoint, path), path))
+    faults = sum(attempt.fault for attempt in attempts)
     if json:
-        say_json({"faults": faults, "doors": [asdict(door) for door in doors]})
+        say_json({"faults": faults, "attempts": [asdict(attempt) for attempt in attempts]})
     else:
-        rows = [(d.who, d.door, d.state, "SHOULD BE CLOSED" if d.fault else d.note) for d in doors]
-        say_table([("WHO", "DOOR", "STATE", ""), *rows])
-        verb = "is" if faults < 2 else "are"
-        say(f"{'no door' if not faults else _count(faults, 'door')} {verb} open that should be closed")
-        if any(door.fault and door.who == "nobody" for door in doors):
-            say("mjplug keys init makes certificates and roles; see Security in the documentation")
+        rows = [(a.client, a.action, a.result, "SHOULD BE DENIED" if a.fault else a.note) for a in attempts]
+        say_table([("CLIENT", "ACTION", "RESULT", "NOTE"), *rows])
+        verb = "is" if faults == 1 else "are"
+        say(f"{_count(faults, 'action')} {verb} allowed that should be denied")
+        if any(attempt.fault and attempt.client == ANONYMOUS for attempt in attempts):
+            say("to create certificates and roles: mjplug keys init; see Security in the documentation")
     if faults:
         raise typer.Exit(1)
 

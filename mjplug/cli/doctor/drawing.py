@@ -1,4 +1,4 @@
-"""Draws a small picture through one OpenGL backend, in a process of its own: a broken driver may take it down.
+"""Renders a small image with one OpenGL backend. It runs in a separate process, because a broken driver may crash it.
 
 Run as `python -m mjplug.cli.doctor.drawing BACKEND`; prints the name of the renderer.
 """
@@ -17,8 +17,8 @@ _SCENE = """
 
 
 def main(backend: str) -> int:
-    """Returns 0 if the picture shows what it should."""
-    # With its libraries missing, this variable would keep MuJoCo from being imported at all.
+    """Returns 0 if the image is correct."""
+    # If libraries of the backend are missing, this variable would make the import of MuJoCo fail.
     os.environ.pop("MUJOCO_GL", None)
     os.environ["PYOPENGL_PLATFORM"] = "" if backend == "glfw" else backend
     import mujoco
@@ -43,9 +43,9 @@ def main(backend: str) -> int:
     red, green, _ = picture[_SIZE // 2, _SIZE // 2]
     context.free()
     if not red > 2 * green:
-        print("the picture is not what it should be", file=sys.stderr)
+        print("the rendered image is wrong", file=sys.stderr)
         return 1
-    print((renderer or b"a driver that does not say its name").decode(errors="replace"))
+    print((renderer or b"unknown renderer").decode(errors="replace"))
     return 0
 
 

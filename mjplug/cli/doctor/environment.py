@@ -1,4 +1,4 @@
-"""Python, packages, plugins, variables."""
+"""Checks Python, packages, plugins and environment variables."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ Version = Callable[[str], str]
 
 
 def check_environment(environ: Mapping[str, str] = os.environ, installed: Version = version) -> Iterator[Finding]:
-    """Yields what there is to say about the installation.
+    """Yields findings about the installation.
 
     Args:
         environ: The environment variables.
@@ -31,8 +31,8 @@ def check_environment(environ: Mapping[str, str] = os.environ, installed: Versio
         yield Finding(
             _TOPIC,
             "warning",
-            "there is one core: cameras and lidars take time from physics",
-            "give the machine or the container a second one",
+            "the machine has one core: cameras and lidars slow physics down",
+            "give the machine or the container a second core",
         )
     yield from _mujoco(installed)
     yield Finding(_TOPIC, "ok", f"eclipse-zenoh {_version('eclipse-zenoh', installed)}")
@@ -52,7 +52,10 @@ def _mujoco(installed: Version) -> Iterator[Finding]:
         )
     elif not (3, 13) <= numbers < (4, 2):
         yield Finding(
-            _TOPIC, "warning", f"mujoco {found} was never tried with mjplug", "pip install 'mujoco>=3.13,!=4.0.0,<4.2'"
+            _TOPIC,
+            "warning",
+            f"mujoco {found} has not been tested with mjplug",
+            "pip install 'mujoco>=3.13,!=4.0.0,<4.2'",
         )
     else:
         yield Finding(_TOPIC, "ok", f"mujoco {found}")
@@ -61,7 +64,7 @@ def _mujoco(installed: Version) -> Iterator[Finding]:
         yield Finding(
             _TOPIC,
             "error",
-            f"two versions of MuJoCo are in one folder: mujoco {found} and mujoco-core {core}",
+            f"two versions of MuJoCo are installed in one folder: mujoco {found} and mujoco-core {core}",
             "pip uninstall -y mujoco mujoco-core && pip install 'mujoco>=3.13,!=4.0.0,<4.2'",
         )
 
@@ -77,11 +80,11 @@ def _plugins() -> Iterator[Finding]:
             registry.find(target)
         except PluginError as error:
             broken = True
-            yield Finding(_TOPIC, "error", str(error), "install what it lacks, or uninstall its package")
+            yield Finding(
+                _TOPIC, "error", str(error), "install the missing package, or uninstall the package of the plugin"
+            )
     if not points:
-        yield Finding(
-            _TOPIC, "error", "no plugin is registered, not even those of mjplug", "install mjplug anew, with pip"
-        )
+        yield Finding(_TOPIC, "error", "no plugin is registered, not even those of mjplug", "reinstall mjplug with pip")
     elif not broken:
         yield Finding(_TOPIC, "ok", f"{len({point.value for point in points.values()})} plugins can be imported")
 
@@ -90,20 +93,20 @@ def _variables(environ: Mapping[str, str]) -> Iterator[Finding]:
     from mjplug.config.load import read
     from mjplug.config.overrides import PREFIX, RESERVED
 
-    # Any valid configuration will do: the variables are laid over it.
+    # Any valid configuration: the variables are applied to it.
     for problem in read("bundled:box", environ=environ).problems:
         if problem.severity == "error":
             name = problem.mark.source.name.removeprefix("environment ")
             yield Finding(_TOPIC, "error", str(problem), f"unset {name}")
     own = [name for name in sorted(environ) if name.startswith(PREFIX) and not name.startswith(RESERVED)]
     if own:
-        yield Finding(_TOPIC, "note", f"{', '.join(own)}: outranks what configuration files say")
+        yield Finding(_TOPIC, "note", f"{', '.join(own)}: overrides configuration files")
     middleware = environ.get("RMW_IMPLEMENTATION", "")
     if middleware and middleware != "rmw_zenoh_cpp":
         yield Finding(
             _TOPIC,
             "note",
-            f"RMW_IMPLEMENTATION={middleware}: ROS 2 nodes started here do not see the server by themselves",
+            f"RMW_IMPLEMENTATION={middleware}: ROS 2 nodes started here do not discover the server",
             "export RMW_IMPLEMENTATION=rmw_zenoh_cpp, or run zenoh-bridge-ros2dds",
         )
 

@@ -1,4 +1,4 @@
-"""One thing that was looked at."""
+"""The result of one check."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,13 +8,14 @@ Level = Literal["ok", "note", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found.
+    """The result of one check.
 
     Attributes:
-        topic: What it is about: `environment`, `network`, `server`, `scheduling` or `graphics`.
-        level: `note` is worth knowing; `warning` costs something; with an `error`, something does not work.
-        message: The sentence.
-        fix: What to do; empty if there is nothing to do.
+        topic: The area: `environment`, `network`, `server`, `scheduling` or `graphics`.
+        level: `note` is information; `warning` means slower or fewer functions; `error` means that a function does not
+            work.
+        message: The result in a sentence.
+        fix: How to fix the problem; empty if nothing needs to be done.
     """
 
     topic: str

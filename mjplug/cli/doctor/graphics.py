@@ -1,4 +1,4 @@
-"""Whether cameras can draw, and through what."""
+"""Checks whether cameras can render, and with which OpenGL backend."""
 
 import os
 import subprocess
@@ -9,25 +9,25 @@ from mjplug.cli.doctor.finding import Finding
 
 _TOPIC = "graphics"
 _RENDER_TIMEOUT = 60.0
-"""How long one attempt may take [s]; software rendering compiles its shaders for a second or two."""
+"""Time limit of one attempt [s]; software rendering compiles its shaders for one to two seconds."""
 
 _PACKAGES = {
     "glfw": "needs a display, and: apt-get install libgl1 libglfw3",
     "egl": "apt-get install libegl1 libgl1",
     "osmesa": "apt-get install libosmesa6",
 }
-"""The backends that MuJoCo has, and what they need on Debian and Ubuntu."""
+"""MuJoCo's backends, and the packages that they need on Debian and Ubuntu."""
 
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
-_NO_DISPLAY = "there is no display"
+_NO_DISPLAY = "no display"
 
 Draw = Callable[[str], tuple[bool, str]]
-"""Tries a backend; returns whether it works, and the renderer or the reason."""
+"""Tests a backend; returns whether it works, and the name of the renderer or the reason for the failure."""
 
 
 def draw(backend: str) -> tuple[bool, str]:
-    """Draws a picture through a backend, in a process of its own."""
+    """Renders an image with a backend, in a separate process."""
     try:
         done = subprocess.run(
             [sys.executable, "-m", "mjplug.cli.doctor.drawing", backend],
@@ -37,7 +37,7 @@ def draw(backend: str) -> tuple[bool, str]:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return False, f"no picture within {_RENDER_TIMEOUT:g} s"
+        return False, f"no image within {_RENDER_TIMEOUT:g} s"
     if done.returncode == 0:
         return True, done.stdout.strip().splitlines()[-1]
     if done.returncode < 0:
@@ -48,11 +48,11 @@ def draw(backend: str) -> tuple[bool, str]:
 def check_graphics(
     environ: Mapping[str, str] = os.environ, try_backend: Draw = draw, platform: str = sys.platform
 ) -> Iterator[Finding]:
-    """Yields what there is to say about drawing without a window.
+    """Yields findings about rendering without a window.
 
     Args:
         environ: The environment variables.
-        try_backend: Tries one backend.
+        try_backend: Tests one backend.
         platform: As `sys.platform`.
     """
     display = bool(environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY")) or platform != "linux"
@@ -61,27 +61,27 @@ def check_graphics(
     chosen = environ.get("MUJOCO_GL", "").strip().lower()
     working: list[str] = []
     for backend in backends:
-        works, said = (False, _NO_DISPLAY) if backend == "glfw" and not display else try_backend(backend)
+        works, detail = (False, _NO_DISPLAY) if backend == "glfw" and not display else try_backend(backend)
         if works:
-            software = any(word in said.lower() for word in _SOFTWARE)
-            first = "cameras draw through it" if not working else "works too"
-            slow = ", in software: a graphics card would be far quicker" if software else ""
-            yield Finding(_TOPIC, "note" if software else "ok", f"{backend}: {first}: {said}{slow}")
+            software = any(word in detail.lower() for word in _SOFTWARE)
+            first = "cameras render with it" if not working else "works too"
+            slow = " (software rendering; a GPU would be much faster)" if software else ""
+            yield Finding(_TOPIC, "note" if software else "ok", f"{backend}: {first}: {detail}{slow}")
             working.append(backend)
         else:
-            fix = "" if said == _NO_DISPLAY else _PACKAGES[backend]
-            yield Finding(_TOPIC, "note", f"{backend}: does not work: {said}", fix)
+            fix = "" if detail == _NO_DISPLAY else _PACKAGES[backend]
+            yield Finding(_TOPIC, "note", f"{backend}: does not work: {detail}", fix)
     if not working:
         yield Finding(
             _TOPIC,
             "warning",
-            "no OpenGL works: cameras are switched off, everything else runs",
+            "no OpenGL backend works: cameras are disabled, everything else works",
             "apt-get install libegl1 libgl1",
         )
     if chosen and chosen not in working:
         yield Finding(
             _TOPIC,
             "error" if working else "warning",
-            f"MUJOCO_GL={chosen} names no backend that works here",
+            f"MUJOCO_GL={chosen} does not work on this machine",
             f"export MUJOCO_GL={working[0]}, or unset MUJOCO_GL" if working else "unset MUJOCO_GL",
         )

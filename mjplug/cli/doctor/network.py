@@ -21,7 +21,7 @@ def check_network(endpoint: str) -> Iterator[Finding]:
     from mjplug.client import ClientError, NoServerError, connect
 
     if not listens(endpoint):
-        yield Finding(_TOPIC, "ok", f"{endpoint} is free: a server can listen there")
+        yield Finding(_TOPIC, "ok", f"no program listens at {endpoint}")
         return
     try:
         with connect(endpoint, timeout=0.0) as client:

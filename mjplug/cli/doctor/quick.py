@@ -1,6 +1,6 @@
-"""Whether a server is healthy, in one sentence: for health checks of containers and service managers.
+"""Checks whether a server is healthy, for health checks of containers and service managers.
 
-A health check runs every few seconds, so it does not import the Python client while all is well.
+A health check runs every few seconds, so it imports the Python client only to explain a failure.
 """
 
 import json
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     import zenoh
 
 TIMEOUT = 3.0
-"""How long a server may take to answer [s]; it takes milliseconds."""
+"""Time limit for the answer [s]; an answer takes milliseconds."""
 
 _ERROR = 2
 """Level of a status that reports an error, in diagnostic_msgs."""
 
 
 def check_quickly(endpoint: str | None, server: str, zenoh_config: str | None, timeout: float) -> None:
-    """Sends one request that the physics thread answers, and prints what it says.
+    """Sends one request that the physics thread answers, and prints the result in one sentence.
 
     Args:
-        endpoint: Where the server listens.
-        server: Its name, where several are on the network.
+        endpoint: The endpoint of the server.
+        server: The name of the server, needed when several are running.
         zenoh_config: A Zenoh configuration file.
         timeout: How long to wait for the answer [s].
 
     Raises:
-        NoServerError: No server is there.
-        TimedOutError: It does not answer.
-        Exit: It reports errors; the exit code is 1.
+        NoServerError: No server was found.
+        TimedOutError: The server did not answer.
+        Exit: The server reports errors; the exit code is 1.
     """
     import zenoh
 
@@ -51,7 +51,7 @@ def check_quickly(endpoint: str | None, server: str, zenoh_config: str | None, t
     except (zenoh.ZError, OSError, NoAnswerError):
         # No server answers, or the file cannot be used.
         pass
-    # The client says what is wrong, and takes its time.
+    # The Python client explains the failure, and waits longer.
     with client(endpoint, server, zenoh_config) as connected:
         _ask(connected.session, connected.server.name, timeout)
 
@@ -81,9 +81,9 @@ def _diagnostics(session: "zenoh.Session", name: str, timeout: float) -> Any:
         Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
         payload=b"{}",
         encoding=zenoh.Encoding.APPLICATION_JSON,
-        # Each reply when it comes: a program that never answers must not keep back that of the server.
+        # Each reply at once: another program that never answers must not delay the reply of the server.
         consolidation=zenoh.ConsolidationMode.NONE,
-        # Ours ends the wait first.
+        # The wait below ends first.
         timeout=timeout + 1.0,
     )
     try:
@@ -95,9 +95,7 @@ def _diagnostics(session: "zenoh.Session", name: str, timeout: float) -> Any:
     if reply is None:
         from mjplug.client import TimedOutError
 
-        raise TimedOutError(
-            f"{service} did not answer; the server may have stopped, or does not let this client call it"
-        )
+        raise TimedOutError(f"{service} did not answer; the server may have stopped, or this client may not call it")
     if reply.ok is None:
         from mjplug.client import RequestRefused
 
@@ -108,4 +106,4 @@ def _diagnostics(session: "zenoh.Session", name: str, timeout: float) -> Any:
     except (ValueError, KeyError, TypeError):
         from mjplug.client import ClientError
 
-        raise ClientError(f"{service} answers with something else than diagnostics") from None
+        raise ClientError(f"{service} answered with something other than diagnostics") from None

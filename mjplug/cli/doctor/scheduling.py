@@ -1,4 +1,4 @@
-"""Whether steps can be on time."""
+"""Checks whether the kernel can wake the physics thread on time."""
 
 import os
 import threading
@@ -14,25 +14,27 @@ _TOPIC = "scheduling"
 _NAPS = 300
 _NAP = 1e-3
 _LATE = 2e-3
-"""Lateness that a step of 2 ms would feel [s]."""
+"""Lateness that delays a step of 2 ms [s]."""
 
 
 def check_scheduling() -> Iterator[Finding]:
-    """Yields what the kernel lets a server do for its punctuality, and how late it wakes up."""
+    """Yields findings about scheduler settings, and about how late a sleeping thread wakes up."""
     from mjplug.physics import process
 
     for measure, holds in _in_a_thread(process.prefer_this_thread).items():
         if holds:
             yield Finding(_TOPIC, "ok", f"{measure}: can be set")
         else:
-            yield Finding(_TOPIC, "note", f"{measure}: cannot be set here; steps are less punctual", _fix())
+            yield Finding(_TOPIC, "note", f"{measure}: cannot be set here; steps start later", _fix())
     if process.clear_timer_callback():
         yield Finding(_TOPIC, "ok", "MuJoCo's step timer: can be switched off")
     else:
         yield Finding(_TOPIC, "note", "MuJoCo's step timer: cannot be switched off; a step takes 0.75 µs more")
     if not hasattr(os, "SCHED_IDLE"):
         yield Finding(
-            _TOPIC, "note", "SCHED_IDLE: this system has none, so `priority: idle` of cameras and lidars is nice 19"
+            _TOPIC,
+            "note",
+            "SCHED_IDLE: not available on this system; `priority: idle` of cameras and lidars means nice 19",
         )
     elif _in_a_thread(_may_be_idle):
         yield Finding(_TOPIC, "ok", "SCHED_IDLE: `priority: idle` of cameras and lidars can be set")
@@ -40,21 +42,21 @@ def check_scheduling() -> Iterator[Finding]:
         yield Finding(
             _TOPIC,
             "warning",
-            "SCHED_IDLE: not allowed, so `priority: idle` of cameras and lidars has no effect",
+            "SCHED_IDLE: not permitted; `priority: idle` of cameras and lidars has no effect",
             _fix(),
         )
     late = _lateness()
-    said = f"a thread that sleeps for 1 ms wakes up {late * 1e3:.2f} ms late, at the 99th percentile"
+    measured = f"a thread that sleeps for 1 ms wakes up {late * 1e3:.2f} ms late, at the 99th percentile"
     if late < _LATE:
-        yield Finding(_TOPIC, "ok", said)
+        yield Finding(_TOPIC, "ok", measured)
     else:
         yield Finding(
-            _TOPIC, "warning", said, "end what keeps the machine busy, or give a virtual machine more or faster cores"
+            _TOPIC, "warning", measured, "stop other busy programs, or give a virtual machine more or faster cores"
         )
 
 
 def _fix() -> str:
-    return "in a container: docker run --security-opt seccomp=unconfined, or run outside of it"
+    return "in a container: docker run --security-opt seccomp=unconfined, or run outside the container"
 
 
 def _may_be_idle() -> bool:
@@ -66,7 +68,7 @@ def _may_be_idle() -> bool:
 
 
 def _in_a_thread(function: Callable[[], T]) -> T:
-    """Calls a function in a thread of its own, which alone it changes."""
+    """Calls a function in a separate thread, so that it changes no other thread."""
     result: list[T] = []
     thread = threading.Thread(target=lambda: result.append(function()))
     thread.start()

@@ -1,8 +1,8 @@
-"""What a running server lets whom do, tried from outside and without changing anything.
+"""Tests what clients are allowed to do with a running server, without changing anything.
 
-A service is called with a request that is no request: a server that lets it in refuses it, and changes nothing. A topic
-is published to with text that is no message. In place of the server, only the empty message is published that says that
-the list of interfaces may have changed; a subscriber then reads the list again.
+Services are called with an invalid request, and topics get an invalid message; a server that gets them refuses them.
+In place of the server, only the empty message is published that reports a possible change of the list of interfaces;
+subscribers then read the list again.
 """
 
 import queue
@@ -30,105 +30,116 @@ from mjplug.wire.zenoh_file import certificate, embedded, own_settings, read_zen
 from mjplug_schemas import names
 
 _ANSWER_TIMEOUT = 2.0
-"""How long to wait for what may never come [s]."""
+"""How long to wait for a message or an answer that may never come [s]."""
 
-_NO_REQUEST = b"\xff"
-"""One byte, which is no request of any type."""
+_INVALID_REQUEST = b"\xff"
+"""One byte, which is not a valid request of any type."""
 
 _ADDRESS = re.compile(r"(?:tls|quic)/(?P<host>\[[^\]]*\]|[^:/?#]+):(?P<port>\d+)")
 
-State = Literal["open", "closed", "unknown", "valid", "expired"]
+ANONYMOUS = "anonymous"
+"""A client without a certificate and without a password."""
+
+Result = Literal["allowed", "denied", "unknown", "valid", "expired"]
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
-    """One thing that was tried.
+class Attempt:
+    """One action that a client tried.
 
     Attributes:
-        who: As whom: `nobody`, or the name of the Zenoh file.
-        door: What was tried.
-        state: Whether it worked; `unknown` if it could not be tried. A certificate is valid or expired.
-        fault: Whether it should not have worked.
-        note: More about it.
+        client: `anonymous`, or the name of the client's Zenoh file; for certificates also `server`.
+        action: The action.
+        result: Whether the action was allowed; `unknown` if it could not be tried. A certificate is valid or expired.
+        fault: Whether the action was allowed and should be denied.
+        note: Further information; may be empty.
     """
 
-    who: str
-    door: str
-    state: State
+    client: str
+    action: str
+    result: Result
     fault: bool = False
     note: str = ""
 
 
-def check_security(endpoint: str, file: Path | None) -> Iterator[Door]:
-    """Yields each door of the servers at an endpoint, first for a client without a certificate or password.
+def check_security(endpoint: str, file: Path | None) -> Iterator[Attempt]:
+    """Tries actions at the servers of an endpoint, first as an anonymous client.
 
     Args:
-        endpoint: Where the server listens.
-        file: The Zenoh file of a client to try the doors with; None tries them without one only.
+        endpoint: The endpoint of the server.
+        file: The Zenoh file of a second client, which tries the same actions; None means no second client.
 
     Raises:
-        ClientError: Nobody listens there, or the file cannot be used.
+        ClientError: No program listens there, or the file cannot be used.
     """
     if not listens(endpoint):
-        raise NoServerError(f"nobody listens at {endpoint}; start a server there, or give its endpoint with --connect")
+        raise NoServerError(
+            f"no program listens at {endpoint}; start a server there, or give its endpoint with --connect"
+        )
     encrypted = endpoint.startswith(ENCRYPTED)
-    yield Door("anybody", "read the traffic on the network", _state(not encrypted), not encrypted)
+    yield Attempt(ANONYMOUS, "read the traffic on the network", _result(not encrypted), not encrypted)
     yield from _certificates(endpoint, file)
     role = "" if file is None else str(own_settings(_read(file)).get("role", ""))
-    with _without_identity(file) as bare, _client(endpoint, bare) as nobody, _client(endpoint, file) as known:
+    with _without_identity(file) as bare, _client(endpoint, bare) as anonymous, _client(endpoint, file) as known:
         witness = file if isinstance(known, Client) else bare
-        if isinstance(nobody, Client):
-            yield Door("nobody", "connect", "open", True)
-            yield from _doors("nobody", nobody, witness, "nobody")
+        if isinstance(anonymous, Client):
+            yield Attempt(ANONYMOUS, "connect", "allowed", True)
+            yield from _attempts(ANONYMOUS, anonymous, witness, ANONYMOUS)
         elif encrypted and bare is None:
-            yield Door("nobody", "connect", "unknown", note="needs a file with the authority: --zenoh-config FILE")
+            yield Attempt(
+                ANONYMOUS, "connect", "unknown", note="needs a file with the certificate authority: --zenoh-config FILE"
+            )
         else:
-            yield Door("nobody", "connect", "closed")
+            yield Attempt(ANONYMOUS, "connect", "denied")
         if file is None:
             return
         if isinstance(known, Client):
-            yield Door(file.name, "connect", "open")
-            yield from _doors(file.name, known, witness, role)
+            yield Attempt(file.name, "connect", "allowed")
+            yield from _attempts(file.name, known, witness, role)
         else:
-            yield Door(file.name, "connect", "closed", note=known)
+            yield Attempt(file.name, "connect", "denied", note=known)
 
 
-def _doors(who: str, client: Client, witness: Path | None, role: str) -> Iterator[Door]:
-    """Yields the doors of each server.
+def _attempts(who: str, client: Client, witness: Path | None, role: str) -> Iterator[Attempt]:
+    """Tries actions at each server.
 
     Args:
-        who: As above.
-        client: Tries them.
-        witness: The file of a second client, which hears what comes through.
-        role: What the client is meant to be: `nobody`, `viewer`, `operator`, or empty if that is not known.
+        who: As `Attempt.client`.
+        client: The client that tries them.
+        witness: The Zenoh file of another client, which checks whether messages arrive.
+        role: The role of the client: `anonymous`, `viewer`, `operator`, or empty if it is not known.
     """
     with connect(client.endpoint, timeout=0.0, config=witness) as second:
         for name, server in second.servers().items():
-            yield from _doors_of(name, server, who, client, second, role)
+            yield from _attempts_at(name, server, who, client, second, role)
 
 
-def _doors_of(name: str, server: ServerInfo, who: str, client: Client, second: Client, role: str) -> Iterator[Door]:
+def _attempts_at(
+    name: str, server: ServerInfo, who: str, client: Client, second: Client, role: str
+) -> Iterator[Attempt]:
     published = [topic for topic in server.topics.values() if name in topic.publishers]
     subscribed = [topic for topic in server.topics.values() if name in topic.subscribers]
     for topic in published:
         if topic.name == "/clock":
-            heard = _hears(client, topic.key)
-            yield Door(who, f"hear {topic.name}", _state(heard), heard and role == "nobody", _paused(heard))
+            received = _receives(client, topic.key)
+            yield Attempt(
+                who, f"receive {topic.name}", _result(received), received and role == ANONYMOUS, _paused(received)
+            )
     for service in server.services.values():
         reads = service.type in READ_ONLY or service.name in {f"{name}/{own}" for own in READ_ONLY_NAMES}
         called = _answers(client, service.key)
-        fault = called and (role == "nobody" or (role == "viewer" and not reads))
-        yield Door(who, f"call {service.name}", _state(called), fault)
+        fault = called and (role == ANONYMOUS or (role == "viewer" and not reads))
+        yield Attempt(who, f"call {service.name}", _result(called), fault)
     for topic in subscribed:
-        sent = _arrives(client, second, topic.json_key, b"no message")
-        yield Door(who, f"publish to {topic.name}", _state(sent), sent and role in ("nobody", "viewer"))
+        sent = _arrives(client, second, topic.json_key, b"invalid")
+        yield Attempt(who, f"publish to {topic.name}", _result(sent), sent and role in (ANONYMOUS, "viewer"))
     spoofed = _arrives(client, second, f"{names.key(name)}/interfaces", b"")
-    yield Door(who, f"publish in place of {name}", _state(spoofed), spoofed)
+    yield Attempt(who, f"publish in place of {name}", _result(spoofed), spoofed)
     served = _serves(client, second, f"{names.key(name)}/doctor_{uuid.uuid4().hex}")
-    yield Door(who, f"offer a service of {name}", _state(served), served)
+    yield Attempt(who, f"provide a service of {name}", _result(served), served)
 
 
-def _certificates(endpoint: str, file: Path | None) -> Iterator[Door]:
+def _certificates(endpoint: str, file: Path | None) -> Iterator[Attempt]:
     match = _ADDRESS.match(endpoint)
     shown = None
     if match is not None and endpoint.startswith("tls/"):
@@ -140,12 +151,12 @@ def _certificates(endpoint: str, file: Path | None) -> Iterator[Door]:
         until = expiry_of(pem) if pem is not None else None
         if until is not None:
             valid = until > datetime.now(UTC)
-            yield Door(who, "certificate", "valid" if valid else "expired", note=f"expires {day(until)}")
+            yield Attempt(who, "certificate", "valid" if valid else "expired", note=f"expires {day(until)}")
 
 
 @contextmanager
 def _client(endpoint: str, file: Path | None) -> Iterator[Client | str]:
-    """Connects; gives the reason where that does not work."""
+    """Yields a connected client, or the reason if it cannot connect."""
     try:
         client = connect(endpoint, timeout=0.0, config=file)
     except ClientError as error:
@@ -155,33 +166,35 @@ def _client(endpoint: str, file: Path | None) -> Iterator[Client | str]:
         yield client
 
 
-def _hears(client: Client, key: str) -> bool:
-    heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
-    with client.session.declare_subscriber(key, Callback(heard.put, indirect=False)):
-        return _comes(heard)
+def _receives(client: Client, key: str) -> bool:
+    received: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+    with client.session.declare_subscriber(key, Callback(received.put, indirect=False)):
+        return _gets_one(received)
 
 
 def _answers(client: Client, key: str) -> bool:
-    """Whether a service answers at all; that it refuses is an answer."""
+    """Returns whether a service answers; a refusal is an answer too."""
     encoding = zenoh.Encoding.APPLICATION_CDR
-    return any(True for _ in client.session.get(key, payload=_NO_REQUEST, encoding=encoding, timeout=_ANSWER_TIMEOUT))
+    return any(
+        True for _ in client.session.get(key, payload=_INVALID_REQUEST, encoding=encoding, timeout=_ANSWER_TIMEOUT)
+    )
 
 
 def _arrives(client: Client, second: Client, key: str, payload: bytes) -> bool:
-    """Whether what one client publishes arrives at a second one, through the server."""
+    """Returns whether a message of one client arrives at a second one, through the server."""
     mark = uuid.uuid4().bytes
 
     def put() -> None:
         client.session.put(key, payload, attachment=mark, congestion_control=zenoh.CongestionControl.BLOCK)
 
-    heard: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
+    received: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()
 
     def take(sample: zenoh.Sample) -> None:
         if sample.attachment is not None and sample.attachment.to_bytes() == mark:
-            heard.put(sample)
+            received.put(sample)
 
     with second.session.declare_subscriber(key, Callback(take, indirect=False)):
-        return _comes(heard, again=put)
+        return _gets_one(received, again=put)
 
 
 def _serves(client: Client, second: Client, key: str) -> bool:
@@ -200,7 +213,7 @@ def _serves(client: Client, second: Client, key: str) -> bool:
 
 @contextmanager
 def _without_identity(file: Path | None) -> Iterator[Path | None]:
-    """Gives a file with the authority that another file trusts, and nothing else of it; None where it trusts none."""
+    """Yields a file with only the certificate authority of another file; None if that file names no authority."""
     if file is None:
         yield None
         return
@@ -211,7 +224,7 @@ def _without_identity(file: Path | None) -> Iterator[Path | None]:
         return
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "authority.pem").write_text(authority)
-        bare = Path(folder, "nobody.json5")
+        bare = Path(folder, "anonymous.json5")
         bare.write_text('{"transport": {"link": {"tls": {"root_ca_certificate": "authority.pem"}}}}')
         yield bare
 
@@ -223,22 +236,22 @@ def _read(file: Path) -> zenoh.Config:
         raise ClientError(f"cannot use the Zenoh configuration file {file}: {error}") from None
 
 
-def _comes(heard: "queue.SimpleQueue[Any]", again: Callable[[], None] | None = None) -> bool:
-    """Whether something comes; `again` is called until it does."""
+def _gets_one(received: "queue.SimpleQueue[Any]", again: Callable[[], None] | None = None) -> bool:
+    """Returns whether an item arrives in time; `again` is called until then."""
     for _ in range(10):
         if again is not None:
             again()
         try:
-            heard.get(timeout=_ANSWER_TIMEOUT / 10)
+            received.get(timeout=_ANSWER_TIMEOUT / 10)
         except queue.Empty:
             continue
         return True
     return False
 
 
-def _state(works: bool) -> State:
-    return "open" if works else "closed"
+def _result(works: bool) -> Result:
+    return "allowed" if works else "denied"
 
 
-def _paused(heard: bool) -> str:
-    return "" if heard else "nothing comes while the simulation is paused"
+def _paused(received: bool) -> str:
+    return "" if received else "no messages are published while the simulation is paused"

@@ -1,4 +1,4 @@
-"""Whether a server starts on this machine, and answers."""
+"""Checks whether a server starts on this machine, and answers."""
 
 from collections.abc import Iterator
 from time import perf_counter
@@ -13,7 +13,7 @@ def check_server(model: str = "bundled:arm") -> Iterator[Finding]:
     """Opens a server on a free port of 127.0.0.1, lets a client ask it for steps, and stops it.
 
     Args:
-        model: What it serves.
+        model: The model of the server.
     """
     from mjplug import open_server
     from mjplug.client import ClientError
@@ -21,7 +21,7 @@ def check_server(model: str = "bundled:arm") -> Iterator[Finding]:
 
     began = perf_counter()
     try:
-        # Without what variables and files of the user say: these have their own check.
+        # Without the environment variables, which `check_environment` checks.
         with open_server(model, paused=True, environ={}) as server, server.client() as client:
             opened = perf_counter()
             answer = client.call("~/step_simulation", steps=_STEPS).message
