@@ -16,7 +16,9 @@ _SECTION: Final = "#/$defs/RosSection"
 
 
 def config_schema() -> Schema:
-    """Returns the schema, with the parameters of every installed plugin that can be imported.
+    """Returns the schema, with the parameters of every installed plugin.
+
+    It accepts any parameters of a plugin that cannot be imported.
 
     The schema uses conditions instead of alternatives: an editor then reports what is wrong with a value, instead of
     "no alternative matches".

@@ -1,4 +1,4 @@
-"""`mjplug plugin new`: creates a package with a plugin and its test, ready to be installed."""
+"""`mjplug plugin new`: creates a package with a plugin that installs and passes its own test."""
 
 import keyword
 import re

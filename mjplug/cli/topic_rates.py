@@ -113,8 +113,8 @@ def delay(
     clocks = client.topic("/clock").publishers
     if len(clocks) > 1:
         raise ClientError(
-            f"several servers publish /clock: {', '.join(clocks)}; ages are known only if each server has its own "
-            "clock, such as --set 'remap={/clock: /robot2/clock}'"
+            f"several servers publish /clock: {', '.join(clocks)}; ages are known only with one clock per server, "
+            "such as --set 'remap={/clock: /robot2/clock}'"
         )
     now = SimulatedNow()
     client.subscribe("/clock", Clock, now.tick, depth=100)

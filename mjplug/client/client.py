@@ -26,25 +26,25 @@ M = TypeVar("M")
 
 
 class Client(Graph):
-    """Reads, writes and calls what the servers of one network offer. Thread-safe.
+    """Subscribes to topics, publishes messages and calls services of the servers of one network. Thread-safe.
 
-    Names are ROS's: `/clock` is a full name, `clock` the same, `~/set_pause` is the server's: `/mjplug/set_pause`.
-    A client may be older than the topics and services it uses.
+    Names follow the rules of ROS: `clock` means `/clock`, and `~/set_pause` means `/mjplug/set_pause`.
+    A client may be created before the topics and services it uses exist.
 
     Args:
-        session: An open session; the client closes it.
+        session: An open session, which the client closes.
         endpoint: As above.
-        server: The name of the server that `~` stands for; empty is the only one there is.
+        server: The name of the server to use for `~`; if empty, there must be only one server.
     """
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
         super().__init__(session, endpoint, server)
-        # Held while the lists below are looked at or changed, and never while somebody is waited for.
+        # Protects the collections below; never held while waiting for a server.
         self._lock = threading.Lock()
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._called: dict[str, ServiceInfo] = {}
-        # Zenoh's threads may outlive a program that forgets to close.
+        # If a program does not close the client, Zenoh's threads may otherwise keep the process alive.
         atexit.register(self.close)
 
     @overload
@@ -89,23 +89,22 @@ class Client(Graph):
         depth: int = 10,
         history: int | None = None,
     ) -> Subscription[Any]:
-        """Reads a topic. A latched topic gives its last messages at once.
+        """Subscribes to a topic. A latched topic delivers its last messages at once.
 
-        When it returns, the servers that publish the topic know of this subscriber: what they publish from then on
-        arrives.
+        When it returns, the publishers of the topic have matched this subscriber, so all later messages arrive.
 
         Args:
             name: The topic.
-            type: The class of its messages, or its name; None asks the server. `dict` gives nested dictionaries,
-                whatever the type is, and `bytes` the messages as they come, in CDR.
-            callback: Gets each message, on a thread of its own. Without it, iterate, or call `next` or `latest`.
-            depth: How many messages may wait to be taken; 1 is the newest only.
-            history: How many messages that were published before to ask for; None is as many as a latched topic
-                keeps, and none of other topics.
+            type: The message class, or the name of the type; None asks the server. With `dict`, messages of any type
+                are nested dictionaries; with `bytes`, they are CDR data.
+            callback: Called with each message, on its own thread. Without it, iterate, or call `next` or `latest`.
+            depth: Maximum number of messages that wait to be taken; 1 keeps only the newest.
+            history: How many earlier messages to request; None requests as many as a latched topic keeps, and none
+                from other topics.
 
         Raises:
             UnknownNameError: No server has the topic, and no type is given.
-            WrongTypeError: The topic has another type, or one that this side has no class for.
+            WrongTypeError: The topic has another type, or `mjplug_schemas` has no class for its type.
         """
         full, topic, kind = self._choose(name, type, raw=True)
         subscription: Subscription[Any] = Subscription(full, kind, depth, callback)
@@ -119,11 +118,11 @@ class Client(Graph):
         return subscription
 
     def publisher(self, name: str, type: Any = None) -> Publisher[Any]:
-        """Prepares to write to a topic; it need not be one that anybody reads yet.
+        """Creates a publisher; the topic needs no subscribers yet.
 
         Args:
             name: The topic.
-            type: The class of its messages, or its name; None asks the server.
+            type: The message class, or the name of the type; None asks the server.
 
         Raises:
             UnknownNameError: No server has the topic, and no type is given.
@@ -137,16 +136,16 @@ class Client(Graph):
         return publisher
 
     def publish(self, name: str, message: Message | Fields, timeout: float = 5.0) -> None:
-        """Sends one message to a topic, once somebody reads it.
+        """Publishes one message as soon as the topic has a subscriber.
 
         Args:
             name: The topic.
             message: The message, or nested dictionaries of its fields.
-            timeout: How long to wait for somebody who reads it [s].
+            timeout: How long to wait for a subscriber [s].
 
         Raises:
-            TimedOutError: Nobody reads it.
-            UnknownNameError: No server has the topic, and the message does not say its type either.
+            TimedOutError: The topic got no subscriber in time.
+            UnknownNameError: No server has the topic, and `message` is a dictionary.
             WrongTypeError: The message is not of the topic's type.
         """
         kind = type(message) if isinstance(message, Message) else known(self.topic(name).type) or dict
@@ -168,16 +167,16 @@ class Client(Graph):
 
         Args:
             name: The service.
-            message: The request, or nested dictionaries of its fields; what is left out has its initial value.
-            timeout: How long to wait [s]; None is as long as the request takes by its own terms, and 10 s more.
-            check: Whether a response whose `success` is false is an error.
-            **fields: The fields of the request, in place of `message`.
+            message: The request, or nested dictionaries of its fields; missing fields have their initial values.
+            timeout: How long to wait [s]; None is the expected duration of the request plus 10 s.
+            check: Whether to raise an error if `success` is false in the response.
+            **fields: The fields of the request, instead of `message`.
 
         Raises:
-            RequestRefused: The service answered with an error or, with `check`, with `success` false.
-            TimedOutError: There was no answer in time.
+            RequestRefused: The response is an error or, with `check`, contains `success: false`.
+            TimedOutError: No response arrived in time.
             UnknownNameError: No server offers the service.
-            WrongTypeError: The request is not of the service's type, or given twice.
+            WrongTypeError: The request has another type than the service, or is given twice.
         """
         if message is not None and fields:
             raise WrongTypeError(f"the request is given twice: as a message, and as {', '.join(fields)}")
@@ -188,7 +187,7 @@ class Client(Graph):
         limit = request.default_timeout(sent, self._speed(service, sent)) if timeout is None else bounded(timeout)
         try:
             response = request.send(self.session, service, sent, kind, limit)
-            # Looking it up takes longer than calling it.
+            # A lookup takes longer than a call.
             self._called[name] = service
         except TimedOutError as error:
             self._called.pop(name, None)
@@ -198,12 +197,12 @@ class Client(Graph):
         return response
 
     def close(self) -> None:
-        """Ends every subscription and publisher and leaves the network; a second call does nothing."""
+        """Closes all subscriptions and publishers and the session; a second call does nothing."""
         atexit.unregister(self.close)
         with self._lock:
             if self._closed:
                 return
-            # From now on nobody gets another one.
+            # From now on, new subscriptions and publishers are refused.
             self._closed = True
         for subscription in self._subscriptions:
             subscription.close()
@@ -220,7 +219,7 @@ class Client(Graph):
         self.close()
 
     def _choose(self, name: str, kind: Any, raw: bool = False) -> tuple[str, TopicInfo | None, Any]:
-        """Returns the full name of a topic, what servers say of it, and the class to use.
+        """Returns the full name of a topic, its entry in the lists of servers, and the message class.
 
         Args:
             name: The topic.
@@ -235,7 +234,7 @@ class Client(Graph):
             try:
                 return full, topic, find(topic.type)
             except WrongTypeError as error:
-                raise WrongTypeError(f"topic {full}: {error}; `dict` reads it all the same") from None
+                raise WrongTypeError(f"topic {full}: {error}; use `dict` to read it") from None
         chosen: Any = bytes if raw and kind is bytes else message_class(kind)
         if topic is not None and chosen not in (bytes, dict) and topic.type != chosen.TYPE:
             raise WrongTypeError(f"topic {full} is {topic.type}, not {chosen.TYPE}")
@@ -252,6 +251,6 @@ class Client(Graph):
         if read_parameters(self.session, service.server).get("sim.paused") is not True:
             return ""
         if isinstance(sent, StepSimulation.Request):
-            # It is paused meanwhile, as far as others see.
+            # The server reports `paused` while it takes the steps.
             return "; the server still takes the steps, until `mjplug sim pause` or ~/set_pause cancels them"
         return "; the simulation is paused"

@@ -1,4 +1,4 @@
-"""Waits until the publishers of a topic know of a new subscriber."""
+"""Waits until the publishers of a topic have matched a new subscriber."""
 
 from collections.abc import Iterable
 from urllib.parse import quote
@@ -8,15 +8,14 @@ import zenoh
 from mjplug.wire.discovery.announced import AT_ONCE, interfaces_key
 
 _TIMEOUT = 2.0
-"""How long to wait for each server [s]; it takes a millisecond, and a slow network somewhat longer."""
+"""Timeout for each server [s]; the answer takes about a millisecond, longer in a slow network."""
 
 
 def await_publishers(session: zenoh.Session, servers: Iterable[str], key: str) -> None:
-    """Returns when each server publishes on `key` for the subscriber that this session has declared.
+    """Waits until each server has matched the subscriber that this session has declared on `key`.
 
-    A publisher is told of a subscriber on a thread of its own. Without this, a step that is requested right after the
-    subscription could end before the publisher sends anything. A server that does not answer in time is skipped:
-    the subscription is declared all the same.
+    Zenoh matches publishers and subscribers asynchronously. Without this, a step that is requested right after the
+    subscription could end before the publisher sends anything. A server that does not answer in time is skipped.
 
     Args:
         session: The session that has declared the subscriber.
@@ -30,5 +29,5 @@ def await_publishers(session: zenoh.Session, servers: Iterable[str], key: str) -
     for replies in pending:
         for reply in replies:
             if reply.ok is not None:
-                # A program that is no server may match the key too, and never answer.
+                # Another program may have a queryable on this key that never answers.
                 break

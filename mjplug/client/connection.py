@@ -1,4 +1,4 @@
-"""Gets a client onto a server's network, or says why it cannot."""
+"""Connects a client to the network of a server, or reports why it cannot."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from mjplug.wire.discovery.announced import NoAnswerError, server_names
 from mjplug.wire.zenoh_file import read_zenoh_file, setting
 
 _HANDSHAKE, _LONGEST_HANDSHAKE = 1.0, 4.0
-"""How long to wait for an answer to Zenoh's handshake at the first attempt, and at most [s]."""
+"""Timeout of Zenoh's handshake, at the first attempt and at most [s]."""
 
 _RETRY = 0.1
 """Pause between two attempts [s]."""
@@ -33,22 +33,22 @@ def connect(
     timeout: float = 5.0,
     config: str | Path | None = None,
 ) -> Client:
-    """Connects to the network of a server, and waits until a server is there.
+    """Connects to the network of a server, and waits until a server is running.
 
     Args:
-        endpoint: Where a server or a Zenoh router listens; by default what the environment variable MJPLUG_CONNECT
-            says, else the first endpoint in `config`, else `tcp/127.0.0.1:7447`.
-        server: The full name of the server to talk to, such as `/robot1/mjplug`; needed only where several are, and
-            only for names with `~`.
-        timeout: How long to wait for a server [s]; 0 is one attempt, which waits 1 s for an answer.
+        endpoint: Where a server or a Zenoh router listens; default: the environment variable MJPLUG_CONNECT, else
+            the first endpoint in `config`, else `tcp/127.0.0.1:7447`.
+        server: The full name of the server to use for `~`, such as `/robot1/mjplug`; needed only if several servers
+            are on the network.
+        timeout: How long to wait for a server [s]; 0 makes one attempt, which waits 1 s for an answer.
         config: A Zenoh configuration file, for TLS, passwords and so on.
 
     Returns:
         The client; close it, or use it in a `with` statement.
 
     Raises:
-        NoServerError: No server answered in time, or it does not let this client in; the sentence says which.
-        UnknownNameError: There are servers, but none of this name.
+        NoServerError: No server answered in time, or it refuses this client; the message says which.
+        UnknownNameError: There are servers, but none with this name.
     """
     return open_client(endpoint, server, Timeouts(timeout, timeout), config)
 
@@ -58,9 +58,8 @@ class Timeouts:
     """How long to try to connect.
 
     Attributes:
-        absent: How long to wait for a server that is not there: the port refuses connections, or the network has no
-            server [s].
-        slow: How long to wait for one that accepts connections and does not answer [s].
+        absent: How long to wait if the port refuses connections, or no server is on the network [s].
+        slow: How long to wait for a server that accepts connections but does not answer [s].
     """
 
     absent: float
@@ -74,18 +73,18 @@ def open_client(
     config: str | os.PathLike[str] | None,
     kind: type[Client] = Client,
 ) -> Client:
-    """Connects as `connect` does, with a client of some class.
+    """Connects like `connect`, with separate timeouts and a class for the client.
 
     Args:
-        endpoint: As there.
-        server: As there.
-        timeouts: How long to wait for a server that is not there, and for one that is slow.
-        config: As there.
+        endpoint: As for `connect`.
+        server: As for `connect`.
+        timeouts: How long to wait.
+        config: As for `connect`.
         kind: The class of the client.
 
     Raises:
-        NoServerError: As there.
-        UnknownNameError: As there.
+        NoServerError: As for `connect`.
+        UnknownNameError: As for `connect`.
     """
     server = f"/{server.removeprefix('/')}" if server else ""
     began = time.monotonic()
@@ -106,7 +105,7 @@ def open_client(
 
 
 def endpoint_for(endpoint: str | None, config: str | Path | None = None) -> str:
-    """Returns where `connect` would connect to with these arguments.
+    """Returns the endpoint to which `connect` would connect with these arguments.
 
     Raises:
         ClientError: The file cannot be used.
@@ -133,7 +132,7 @@ def _open(settings: zenoh.Config, endpoint: str, began: float, timeouts: Timeout
             raise NoServerError(why_refused(settings, file, endpoint) or failure.reason)
         time.sleep(min(_RETRY, left))
         if failure.slow:
-            # It may need longer, as on a busy machine.
+            # The server may need longer, as on a busy machine.
             handshake = min(2.0 * handshake, _LONGEST_HANDSHAKE, max(left, _HANDSHAKE))
 
 
@@ -166,11 +165,11 @@ def _read(file: str | os.PathLike[str] | None) -> zenoh.Config:
 
 
 def _endpoint_in(config: zenoh.Config) -> str | None:
-    said = setting(config, "connect/endpoints")
-    if isinstance(said, dict):
+    endpoints = setting(config, "connect/endpoints")
+    if isinstance(endpoints, dict):
         # One list for each mode.
-        said = said.get("client")
-    return str(said[0]) if isinstance(said, list) and said and isinstance(said[0], str) else None
+        endpoints = endpoints.get("client")
+    return str(endpoints[0]) if isinstance(endpoints, list) and endpoints and isinstance(endpoints[0], str) else None
 
 
 def _complete(config: zenoh.Config, endpoint: str) -> None:
@@ -178,7 +177,7 @@ def _complete(config: zenoh.Config, endpoint: str) -> None:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     except zenoh.ZError:
         raise NoServerError(
-            f"{endpoint!r} is no Zenoh endpoint; write it as protocol/host:port, such as {DEFAULT_ENDPOINT}"
+            f"{endpoint!r} is not a Zenoh endpoint; write it as protocol/host:port, such as {DEFAULT_ENDPOINT}"
         ) from None
     for key, value in (
         ("mode", "client"),

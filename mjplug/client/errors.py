@@ -1,4 +1,4 @@
-"""What can go wrong for a client, as exceptions whose text is for a person."""
+"""Exceptions of the client. Their texts are error messages for users."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -9,22 +9,22 @@ _MOST_LISTED = 20
 
 
 class ClientError(MjplugError):
-    """Root of what the client raises on purpose."""
+    """Base class of the client's exceptions."""
 
 
 class NoServerError(ClientError):
-    """Nobody is there to talk to; the sentence says what to try."""
+    """No server can be reached; the message says what to try."""
 
 
 class UnknownNameError(ClientError):
-    """A topic, service or server that is not on the network.
+    """A topic, service, server or parameter that does not exist.
 
     Args:
-        kind: What was looked for, such as `topic`.
+        kind: The kind of name, such as `topic`.
         name: Its name.
-        known: The names there are.
-        silent: Servers that are announced but did not answer; one of them may have it.
-        hint: What to do if the name is right.
+        known: The existing names.
+        silent: Servers that are announced but did not answer; they may have this name.
+        hint: What to do if the name is correct.
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str], silent: Sequence[str] = (), hint: str = "") -> None:
@@ -32,31 +32,31 @@ class UnknownNameError(ClientError):
         more = f", … ({len(names)} in all)" if len(names) > _MOST_LISTED else ""
         there = f"there are: {', '.join(names[:_MOST_LISTED])}{more}" if names else f"there is no {kind} at all"
         if silent:
-            there += f"; announced, but without an answer: {', '.join(silent[:_MOST_LISTED])}"
+            there += f"; announced, but not answering: {', '.join(silent[:_MOST_LISTED])}"
         super().__init__(f"unknown {kind} {quoted(name)}{_suggestion(name, names)}; {there}{hint and f'; {hint}'}")
 
 
 def _suggestion(name: str, names: list[str]) -> str:
-    """Returns a guess: a name that ends alike, most likely one whose namespace was left out, or a similar one."""
+    """Returns a suggestion: the only name that differs in the namespace alone, or a similar name."""
     alike = [other for other in names if other.rpartition("/")[2] == name.rpartition("/")[2]]
     return f", did you mean {alike[0]!r}?" if len(alike) == 1 else did_you_mean(name, names)
 
 
 class WrongTypeError(ClientError):
-    """A message, or a type, that is not that of the topic or service."""
+    """A message or a type does not match the topic or service."""
 
 
 class TimedOutError(ClientError):
-    """Something did not happen in time."""
+    """A timeout has passed."""
 
 
-class RequestRefused(ClientError):  # noqa: N818  (what is wrong is in the name already)
-    """A service was asked and said no.
+class RequestRefused(ClientError):  # noqa: N818  (the name says that it is an error)
+    """A service has refused a request.
 
     Attributes:
         service: The service's full name.
-        reason: What it said.
-        response: Its response, whose `success` is false; None if it answered with an error instead.
+        reason: The reason in the response.
+        response: The response with `success: false`; None if the service replied with an error.
 
     Args:
         service: As above.
@@ -65,7 +65,7 @@ class RequestRefused(ClientError):  # noqa: N818  (what is wrong is in the name 
     """
 
     def __init__(self, service: str, reason: str, response: Any = None) -> None:
-        super().__init__(f"{service} refused: {reason}" if reason else f"{service} refused, and did not say why")
+        super().__init__(f"{service} refused: {reason}" if reason else f"{service} refused without a reason")
         self.service = service
         self.reason = reason
         self.response = response

@@ -1,4 +1,4 @@
-"""What is on a network: its servers, their topics and services, and what names stand for."""
+"""The servers of a network, their topics and services, and the resolution of names."""
 
 import logging
 import time
@@ -26,26 +26,26 @@ from mjplug_schemas.errors import NameRuleError
 _log = logging.getLogger(__name__)
 
 _NEAREST = 2
-"""How many servers are asked for a name on their own before all are asked."""
+"""Maximum number of servers that are asked individually for a name before all are asked."""
 
 _POLL = 0.05
-"""How often `wait_for` looks [s]."""
+"""Polling interval of `wait_for` [s]."""
 
 
 GIVE_TYPE = "if the name is right, give its type, such as geometry_msgs/msg/Twist"
-"""What to do with a topic that no server has: only the user knows its type."""
+"""Hint for a topic that no server has, so that its type is unknown."""
 
 
 class Graph:
-    """The servers of one network and what they offer. Every call looks at what there is now. Thread-safe.
+    """The servers of one network, their topics and services. Every call asks the servers again. Thread-safe.
 
     Attributes:
-        endpoint: Where it is connected.
+        endpoint: The endpoint to which the client is connected.
 
     Args:
         session: An open session.
         endpoint: As above.
-        server: The name of the server that `~` stands for; empty is the only one there is.
+        server: The name of the server to use for `~`; if empty, there must be only one server.
     """
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
@@ -57,10 +57,10 @@ class Graph:
 
     @property
     def session(self) -> zenoh.Session:
-        """The Zenoh session, for what there is no method for.
+        """The Zenoh session, for uses that this class does not cover.
 
         Raises:
-            ClientError: It is closed.
+            ClientError: The client is closed.
         """
         if self._closed:
             raise ClientError(f"the client of {self.endpoint} is closed")
@@ -68,24 +68,24 @@ class Graph:
 
     @property
     def server(self) -> ServerInfo:
-        """The server that `~` stands for, as it is now.
+        """The server for `~`, with its current topics and services.
 
         Raises:
-            ClientError: There are several, and none was chosen.
-            NoServerError: It is gone, or does not answer.
+            ClientError: Several servers are running, and none was chosen.
+            NoServerError: The server has stopped, or does not answer.
         """
         return self._ask(self._name())
 
     def servers(self) -> dict[str, ServerInfo]:
         """Returns all servers of the network by name.
 
-        All are asked with one query. A server that is announced but does not answer, even when it is asked again, is
-        left out, and a warning is logged once for it.
+        One query asks all servers. If an announced server does not answer this and a second query, it is omitted and a
+        warning is logged once.
         """
         return self._ask_all()[0]
 
     def nodes(self) -> list[str]:
-        """Returns the full names of all servers; each of them is a node to ROS."""
+        """Returns the full names of all servers; each is a ROS node."""
         return list(self._names())
 
     def topics(self) -> dict[str, TopicInfo]:
@@ -97,7 +97,7 @@ class Graph:
         return all_services(self.servers().values())
 
     def topic(self, name: str) -> TopicInfo:
-        """Returns what is known of a topic.
+        """Returns the properties of a topic.
 
         Raises:
             UnknownNameError: No server has it.
@@ -107,7 +107,7 @@ class Graph:
         return found
 
     def service(self, name: str) -> ServiceInfo:
-        """Returns what is known of a service.
+        """Returns the properties of a service.
 
         Raises:
             UnknownNameError: No server offers it.
@@ -121,7 +121,7 @@ class Graph:
         return found
 
     def resolve(self, name: str) -> str:
-        """Returns the full name that a name stands for: `clock` is `/clock`, `~/epoch` is `/mjplug/epoch`.
+        """Returns the full name: `/clock` for `clock`, `/mjplug/epoch` for `~/epoch`.
 
         Raises:
             ClientError: It breaks one of ROS's rules.
@@ -134,7 +134,7 @@ class Graph:
         return full
 
     def find(self, type: str) -> type[Any]:
-        """Returns the class of a ROS type such as `std_msgs/msg/String`, or of what a topic or service carries.
+        """Returns the class of a ROS type such as `std_msgs/msg/String`, or that of a topic or service.
 
         Args:
             type: The name of a type, or the name of a topic or service (`/clock`, `~/set_pause`).
@@ -150,14 +150,14 @@ class Graph:
         return find(self._known("topic or service", type, offered, silent).type)
 
     def wait_for(self, name: str, timeout: float = 10.0) -> TopicInfo | ServiceInfo:
-        """Waits until a topic or a service is there.
+        """Waits until a topic or a service exists.
 
         Args:
             name: Its name.
             timeout: How long to wait [s].
 
         Raises:
-            TimedOutError: It did not come in time.
+            TimedOutError: It did not appear in time.
         """
         until = time.monotonic() + bounded(timeout)
         while (found := self._there(name)) is None:
@@ -170,9 +170,9 @@ class Graph:
         try:
             full = self.resolve(name)
         except NoServerError:
-            # It may be about to start.
+            # The server may start later.
             return None
-        # Silent servers are no reason to warn while something is waited for.
+        # `_everybody` logs no warnings about servers that do not answer.
         for server in (*self._nearest(full), *self._everybody()[0].values()):
             if found := server.topics.get(full) or server.services.get(full):
                 return found
@@ -202,26 +202,26 @@ class Graph:
         return NoServerError(f"{error} at {self.endpoint}: its server is stopped or overloaded")
 
     def _ask_all(self) -> tuple[dict[str, ServerInfo], tuple[str, ...]]:
-        """Returns all servers that answer, and the names of those that are announced but do not."""
+        """Returns all servers that answer, and the names of announced servers that do not."""
         servers, silent = self._everybody()
         for name in silent.keys() - self._silent:
-            _log.warning("%s; it is left out", silent[name])
+            _log.warning("%s; it is omitted", silent[name])
         self._silent = set(silent)
         return servers, tuple(silent)
 
     def _topics_for(self, full: str) -> tuple[dict[str, TopicInfo], tuple[str, ...]]:
-        """Returns topics, the one of this name among them if there is one, and the servers that did not answer."""
+        """Returns topics, including the one with this name if it exists, and the servers that did not answer."""
         for server in self._nearest(full):
-            # Only a publisher tells the topic's quality of service.
+            # Only the publisher determines the topic's quality of service.
             if full in server.topics and server.topics[full].publishers:
                 return server.topics, ()
         servers, silent = self._ask_all()
         return all_topics(servers.values()), silent
 
     def _nearest(self, full: str) -> list[ServerInfo]:
-        """Returns the servers whose name or namespace a full name begins with, the longest first, `_NEAREST` at most.
+        """Returns at most `_NEAREST` servers whose name or namespace is a prefix of a full name, the longest first.
 
-        They most likely have it, and asking them takes a millisecond, however many others there are.
+        They are likely to have it. A query to them takes a millisecond, independent of the number of servers.
         """
         near: dict[str, int] = {}
         for name in self._names():
@@ -244,7 +244,7 @@ class Graph:
         if len(there) == 1:
             return there[0]
         if not there:
-            raise NoServerError(f"no mjplug server is on the network of {self.endpoint} any more")
+            raise NoServerError(f"no mjplug server is left on the network of {self.endpoint}")
         raise ClientError(
             f"there are several servers: {', '.join(there)}; choose one (connect(server=...), --server), "
             "or use full names"

@@ -1,4 +1,4 @@
-"""A server's parameters, through the services that ROS has for them."""
+"""The parameters of a server, through ROS's parameter services."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from mjplug_schemas.rcl_interfaces import (
 
 
 class Caller(Protocol):
-    """Calls services; `mjplug.client.Client` does."""
+    """Calls services, like `mjplug.client.Client`."""
 
     def call(self, service: str, request: Message, /) -> Any:
         """Returns the response of a service."""
@@ -49,19 +49,19 @@ _TYPES: Final[Mapping[type[Any], tuple[int, int]]] = {
     float: (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_DOUBLE_ARRAY),
     str: (ParameterType.PARAMETER_STRING, ParameterType.PARAMETER_STRING_ARRAY),
 }
-"""The ROS types of a Python type: of one value, and of a list of them."""
+"""By Python type: the ROS types of a single value and of a list."""
 
 NAMES = (
     "model", "sim.paused", "sim.speed", "sim.keyframe", "sim.seed", "sim.clock_rate", "sim.on_divergence",
 )  # fmt: skip
-"""The parameters that every server has."""
+"""The common parameters of all servers."""
 
 _QUERY_TIMEOUT = 2.0
-"""How long to wait for the answer [s]; it comes between two steps."""
+"""Timeout of the query [s]; a server answers between two steps."""
 
 
 def read(session: zenoh.Session, server: str) -> dict[str, Scalar]:
-    """Returns the parameters of a server by name; none if it does not answer."""
+    """Returns the common parameters of a server by name; none if it does not answer."""
     request = GetParameters.Request(names=NAMES)
     values: dict[str, Scalar] = {}
     for reply in session.get(
@@ -71,13 +71,13 @@ def read(session: zenoh.Session, server: str) -> dict[str, Scalar]:
         timeout=_QUERY_TIMEOUT,
     ):
         if reply.ok is not None:
-            told = GetParameters.Response.from_cdr(reply.ok.payload.to_bytes()).values
-            values |= {name: scalar(value) for name, value in zip(NAMES, told, strict=False) if value.type in _FIELDS}
+            found = GetParameters.Response.from_cdr(reply.ok.payload.to_bytes()).values
+            values |= {name: scalar(value) for name, value in zip(NAMES, found, strict=False) if value.type in _FIELDS}
     return values
 
 
 def scalar(value: ParameterValue) -> Any:
-    """Returns the value in ROS's record of a parameter."""
+    """Returns the value in a ParameterValue."""
     return getattr(value, _FIELDS[value.type])
 
 
@@ -87,7 +87,7 @@ class Found:
 
     Attributes:
         type: Its type, one of the constants of ParameterType.
-        value: A bool, number or text, a tuple of them, or bytes.
+        value: A bool, number or string, a tuple of them, or bytes.
     """
 
     type: int
@@ -103,7 +103,7 @@ def type_name(kind: int) -> str:
 
 
 def label(kind: int) -> str:
-    """Returns what stands before the value of a parameter: `Double value is:`."""
+    """Returns the text before the value of a parameter: `Double value is:`."""
     name = type_name(kind)
     one = not name.endswith(" array")
     return f"{name.removesuffix(' array').capitalize()} {'value is' if one else 'values are'}:"
@@ -159,9 +159,9 @@ def describe(client: Caller, server: str, names: Sequence[str]) -> Sequence[Para
 
 
 def set_values(client: Caller, server: str, values: Mapping[str, Any]) -> Sequence[SetParametersResult]:
-    """Sets parameters, each on its own.
+    """Sets parameters independently of each other.
 
-    An integer is sent as a double where the parameter is one.
+    An integer is sent as a double if the parameter is a double.
 
     Args:
         client: A client on the network.
@@ -169,10 +169,10 @@ def set_values(client: Caller, server: str, values: Mapping[str, Any]) -> Sequen
         values: New values by name.
 
     Returns:
-        What the server says to each.
+        The result for each parameter.
 
     Raises:
-        WrongTypeError: A value has no type that a parameter can have.
+        WrongTypeError: A parameter cannot have a value of this type.
     """
     request = GetParameters.Request(names=tuple(values))
     present = client.call(f"{server}/get_parameters", request).values
@@ -186,7 +186,7 @@ def set_values(client: Caller, server: str, values: Mapping[str, Any]) -> Sequen
 
 
 def _record(name: str, value: Any, present: int) -> ParameterValue:
-    """Returns ROS's record of a value.
+    """Returns a value as a ParameterValue.
 
     Args:
         name: The parameter.
@@ -201,10 +201,10 @@ def _record(name: str, value: Any, present: int) -> ParameterValue:
         elements, kinds = [float(element) for element in elements], {float}
     if len(kinds) > 1 or not kinds <= _TYPES.keys():
         raise WrongTypeError(
-            f"parameter {name!r}: {value!r} is not a bool, a number, a string, or a list with values of one of them"
+            f"parameter {name!r}: {value!r} is not a bool, a number, a string, or a list of values of one type"
         )
     if not kinds:
-        # An empty list does not tell its type.
+        # An empty list does not determine its type.
         kind = present if present in _FIELDS else ParameterType.PARAMETER_STRING_ARRAY
     else:
         kind = _TYPES[kinds.pop()][several]
@@ -221,7 +221,7 @@ def set_one(client: Caller, server: str, name: str, value: Scalar) -> None:
         value: Its new value.
 
     Raises:
-        RequestRefused: The server does not want it.
+        RequestRefused: The server refuses the value.
     """
     (result,) = set_values(client, server, {name: value})
     if not result.successful:

@@ -1,4 +1,4 @@
-"""A topic that is written to."""
+"""Publishers of the client."""
 
 import threading
 from typing import Any, Generic, TypeVar, cast
@@ -15,11 +15,11 @@ M = TypeVar("M")
 
 
 class Publisher(Generic[M]):
-    """Writes messages to one topic. Thread-safe.
+    """Publishes messages on one topic. Thread-safe.
 
     Attributes:
         name: The topic's full name.
-        type: The class of its messages; `dict` for nested dictionaries, which go out as JSON.
+        type: The message class; `dict` for nested dictionaries, which are sent as JSON.
         closed: Whether it has been closed.
 
     Args:
@@ -33,34 +33,34 @@ class Publisher(Generic[M]):
         self.name = name
         self.type = type
         self.closed = False
-        # A variable of its own, which mypy does not narrow: dict is allowed too.
+        # Untyped, because mypy does not allow `dict` here.
         self._class = cast(Any, type)
         json = type is dict
         self._publisher = session.declare_publisher(
             key,
             encoding=zenoh.Encoding.APPLICATION_JSON if json else encoding_of("cdr", self._class),
-            # Commands are few, and each of them counts.
+            # Commands are rare, and none may be lost.
             congestion_control=zenoh.CongestionControl.BLOCK,
             reliability=zenoh.Reliability.RELIABLE,
         )
-        # Zenoh refuses to undeclare a publisher that is just sending.
+        # Zenoh refuses to undeclare a publisher while it sends.
         self._lock = threading.Lock()
         self._matched = threading.Event()
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
 
     @property
     def matched(self) -> bool:
-        """Whether anybody reads the topic."""
+        """Whether the topic has a subscriber."""
         return self._matched.is_set()
 
     def wait_for_subscriber(self, timeout: float | None = None) -> bool:
-        """Waits until somebody reads the topic.
+        """Waits until the topic has a subscriber.
 
         Args:
-            timeout: How long to wait [s]; None is for ever.
+            timeout: How long to wait [s]; None for no limit.
 
         Returns:
-            Whether somebody does.
+            Whether the topic has a subscriber.
         """
         return self._matched.wait(None if timeout is None else bounded(timeout))
 
@@ -68,10 +68,10 @@ class Publisher(Generic[M]):
         """Sends a message.
 
         Args:
-            message: The message, or nested dictionaries of its fields; what is left out has its initial value.
+            message: The message, or nested dictionaries of its fields; missing fields have their initial values.
 
         Raises:
-            WrongTypeError: It does not fit the topic's type.
+            WrongTypeError: The message does not match the topic's type.
             ClientError: The publisher is closed.
         """
         payload = to_json(message) if self._class is dict else as_message(message, self._class).to_cdr()

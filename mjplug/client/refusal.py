@@ -1,4 +1,4 @@
-"""Why a server with certificates does not let a client in."""
+"""The reasons why a server with certificates refuses a client."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,10 +14,10 @@ __all__ = ["refuse_expired", "why_refused"]
 
 
 def refuse_expired(config: zenoh.Config, file: Path) -> None:
-    """Raises if the client's own certificate has expired: no server would take it.
+    """Raises an error if the client's own certificate has expired, because no server would accept it.
 
     Raises:
-        NoServerError: It has.
+        NoServerError: The certificate has expired.
     """
     pem = certificate(config, file, "connect")
     until = expiry_of(pem) if pem is not None else None

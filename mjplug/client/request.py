@@ -1,4 +1,4 @@
-"""One request to a service: sent, waited for, and what its answer means."""
+"""One service call: sends the request, waits for the response and interprets it."""
 
 import json
 import queue
@@ -16,16 +16,16 @@ from mjplug_schemas.message import Message, Service
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench, StepSimulation
 
 MARGIN = 10.0
-"""How long an answer may take beyond the simulated time that the request asks for [s]."""
+"""Time that a response may take beyond the simulated time of the request [s]."""
 
 _SLOWEST_STEP = 1e-3
-"""Wall time that a step of a paused simulation is expected to take at most [s]."""
+"""Expected maximum wall time of a step in `step_simulation` [s]."""
 
 _REASONS = ("message", "status_message", "error_message", "reason")
 
 
 def simulated_time(request: Any) -> float:
-    """Returns how long in simulated time the answer to a request takes by its own terms [s]."""
+    """Returns the simulated time that passes until the response to a request [s]."""
     if isinstance(request, ApplyExternalWrench.Request):
         durations = (wrench.duration for wrench in request.wrenches.external_wrenches)
         return max((duration.sec + duration.nanosec / 1e9 for duration in durations), default=0.0)
@@ -33,7 +33,7 @@ def simulated_time(request: Any) -> float:
 
 
 def default_timeout(request: Any, speed: float) -> float:
-    """Returns how long to wait for the answer to a request [s].
+    """Returns the default timeout of a request [s].
 
     Args:
         request: The request.
@@ -45,12 +45,12 @@ def default_timeout(request: Any, speed: float) -> float:
 
 
 def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[Service] | None, timeout: float) -> Any:
-    """Sends a request and waits for its answer.
+    """Sends a request and waits for its response.
 
     Args:
         session: The session.
         service: The service.
-        request: A message of the request's class, or nested dictionaries where `kind` is None.
+        request: A message of the request's class, or nested dictionaries if `kind` is None.
         kind: The service's class; None exchanges JSON.
         timeout: How long to wait [s].
 
@@ -58,8 +58,8 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
         The response, a message or nested dictionaries.
 
     Raises:
-        RequestRefused: The answer is an error.
-        TimedOutError: There is none in time.
+        RequestRefused: The response is an error.
+        TimedOutError: No response arrives in time.
     """
     replies: queue.SimpleQueue[zenoh.Reply | None] = queue.SimpleQueue()
     as_json = kind is None or not isinstance(request, Message)
@@ -69,7 +69,7 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
         payload=to_json(request) if as_json else request.to_cdr(),
         encoding=zenoh.Encoding.APPLICATION_JSON if as_json else encoding_of("cdr", type(request)),
         consolidation=AT_ONCE,
-        # Ours ends the wait first, with a better sentence.
+        # The timeout below ends the wait first, with a better message.
         timeout=timeout + 1.0,
     )
     try:
@@ -79,7 +79,7 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
     if reply is None:
         raise TimedOutError(
             f"{service.name} did not answer; its server {service.server} may have stopped, "
-            "or does not let this client call it"
+            "or does not permit this client to call it"
         )
     if reply.ok is None:
         assert reply.err is not None
@@ -88,10 +88,10 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
 
 
 def check(service: ServiceInfo, response: Any) -> None:
-    """Raises if a response says that the request failed.
+    """Raises an error if a response reports that the request failed.
 
     Raises:
-        RequestRefused: Its `success` is there and false.
+        RequestRefused: The response contains `success: false`.
     """
     fields = response if isinstance(response, dict) else dict(response)
     if fields.get("success") is False:

@@ -1,4 +1,4 @@
-"""A topic that is read: as an iterator, by a callback, or just its newest message."""
+"""Subscriptions of the client: as an iterator, by a callback, or only the newest message."""
 
 import json
 import logging
@@ -21,30 +21,30 @@ _log = logging.getLogger(__name__)
 M = TypeVar("M")
 
 _LARGEST = 1 << 30
-"""Zenoh's own limit of a message [bytes]; the server's limit is for what strangers send it."""
+"""Zenoh's limit for a message [bytes]; the lower limit of the server is for incoming messages only."""
 
 
 class Subscription(Generic[M]):
     """The messages of one topic. Thread-safe.
 
-    Iterating yields each message as it comes, and ends when the subscription is closed:
+    Iteration yields each message as it arrives, and ends when the subscription is closed:
 
         for clock in client.subscribe("/clock"):
             ...
 
-    Zenoh's thread only puts payloads into a queue; they are decoded by whoever takes them out. If the
-    reader is slower than the topic, the oldest ones are dropped.
+    Zenoh's thread only puts payloads into a queue; the reader's thread decodes them. If the reader is slower than the
+    topic, the oldest messages are dropped.
 
     Attributes:
         name: The topic's full name.
-        type: The class of its messages; `dict` for nested dictionaries, `bytes` for CDR as it comes.
-        dropped: How many messages fell out of the queue unread.
+        type: The message class; `dict` for nested dictionaries, `bytes` for CDR data.
+        dropped: Number of messages that were dropped before they were read.
 
     Args:
         name: As above.
         type: As above.
-        depth: How many messages wait to be taken; 1 is the newest only.
-        callback: Gets each message, on a thread of its own; nobody should iterate then.
+        depth: Maximum number of messages that wait to be taken; 1 keeps only the newest.
+        callback: Called with each message, on its own thread; do not iterate in this case.
     """
 
     def __init__(self, name: str, type: type[M], depth: int, callback: Callable[[M], None] | None = None) -> None:
@@ -53,7 +53,7 @@ class Subscription(Generic[M]):
         self.dropped = 0
         self._decode = _decoder(type)
         if depth < 1:
-            raise ClientError(f"depth is how many messages may wait, at least 1, not {depth}")
+            raise ClientError(f"depth is {depth}; it must be at least 1, the number of messages that can wait")
         self._queue: deque[zenoh.Sample] = deque(maxlen=depth)
         self._newest: zenoh.Sample | None = None
         self._decoded: tuple[zenoh.Sample, M] | None = None
@@ -62,7 +62,7 @@ class Subscription(Generic[M]):
         self._declared: Any = None
         self._thread: threading.Thread | None = None
         if callback is not None:
-            # A daemon, so that a program that forgets to close can still end.
+            # A daemon, so that a program that does not close the subscription can still exit.
             self._thread = threading.Thread(target=self._run, args=(callback,), name=f"mjplug{name}", daemon=True)
 
     @property
@@ -71,20 +71,20 @@ class Subscription(Generic[M]):
         return self._closed
 
     def __iter__(self) -> Iterator[M]:
-        """Yields each message, until the subscription is closed."""
+        """Yields each message until the subscription is closed."""
         while (sample := self._take(None)) is not None:
             yield self._message(sample)
 
     def next(self, timeout: float | None = None) -> M:
-        """Returns the next message that nobody has taken yet.
+        """Returns the oldest message that has not been taken yet.
 
         Args:
-            timeout: How long to wait for it [s]; None is for ever.
+            timeout: How long to wait [s]; None for no limit.
 
         Raises:
-            TimedOutError: It did not come in time.
+            TimedOutError: No message arrived in time.
             ClientError: The subscription is closed.
-            WrongTypeError: Something else than the topic's type came.
+            WrongTypeError: The payload does not match the topic's type.
         """
         sample = self._take(timeout)
         if sample is None:
@@ -95,10 +95,10 @@ class Subscription(Generic[M]):
         """Returns the newest message, whether it has been taken or not; None if there has been none.
 
         Args:
-            timeout: How long to wait for a first one [s]; None is for ever.
+            timeout: How long to wait for a first message [s]; None for no limit.
 
         Raises:
-            WrongTypeError: Something else than the topic's type came.
+            WrongTypeError: The payload does not match the topic's type.
         """
         with self._changed:
             self._changed.wait_for(
@@ -112,7 +112,7 @@ class Subscription(Generic[M]):
         return self._decoded[1]
 
     def close(self) -> None:
-        """Ends the subscription, and every wait for its messages; a second call does nothing."""
+        """Closes the subscription and ends all waits for its messages; a second call does nothing."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -129,12 +129,12 @@ class Subscription(Generic[M]):
         self.close()
 
     def open(self, session: zenoh.Session, key: str, history: int = 0) -> None:
-        """Declares it on a session.
+        """Declares the subscriber on a session.
 
         Args:
             session: The session.
             key: The topic's key.
-            history: How many of the messages that were published before to ask for.
+            history: How many earlier messages to request.
         """
         handler = Callback(self._receive, indirect=False)
         if history:
@@ -173,7 +173,7 @@ class Subscription(Generic[M]):
             message: M = self._decode(sample)
             return message
         except (PayloadError, ValueError) as error:
-            raise WrongTypeError(f"what came on {self.name} cannot be read: {error}") from error
+            raise WrongTypeError(f"a message on {self.name} cannot be decoded: {error}") from error
 
     def _run(self, callback: Callable[[M], None]) -> None:
         while (sample := self._take(None)) is not None:

@@ -4,16 +4,16 @@ import threading
 
 from mjplug.client.errors import ClientError
 
-_LONGEST = threading.TIMEOUT_MAX / 2
-"""What locks, and Zenoh, can wait for at most, with room for a margin [s]."""
+_MAX_TIMEOUT = threading.TIMEOUT_MAX / 2
+"""Maximum timeout of locks and of Zenoh, with a margin [s]."""
 
 
 def bounded(timeout: float) -> float:
-    """Returns a timeout that locks and Zenoh can wait for, even for infinity [s].
+    """Returns a timeout that locks and Zenoh accept, even for infinity [s].
 
     Raises:
-        ClientError: It is negative or no number.
+        ClientError: It is negative or NaN.
     """
     if not timeout >= 0.0:
-        raise ClientError(f"a timeout is a number of seconds from 0 on, not {timeout!r}")
-    return min(timeout, _LONGEST)
+        raise ClientError(f"the timeout is {timeout!r}; it must be a number of seconds, 0 or more")
+    return min(timeout, _MAX_TIMEOUT)

@@ -1,4 +1,4 @@
-"""From what users write to messages: classes, type names, dictionaries."""
+"""Conversion of classes, type names and dictionaries to messages."""
 
 import base64
 import json
@@ -10,7 +10,7 @@ from mjplug_schemas.errors import CodecError, UnknownType
 from mjplug_schemas.message import Message, Service
 
 Fields = dict[str, Any]
-"""A message as nested dictionaries and lists, with the field names of ROS."""
+"""A message as nested dictionaries and lists, with ROS field names."""
 
 
 def find(name: str) -> type[Any]:
@@ -20,7 +20,7 @@ def find(name: str) -> type[Any]:
         name: Such as `std_msgs/msg/String` or `std_srvs/srv/Trigger`.
 
     Raises:
-        WrongTypeError: `mjplug_schemas` has no such type, and nobody added it.
+        WrongTypeError: `mjplug_schemas` does not contain the type, and the program has not registered it.
     """
     try:
         return registry.find(name)
@@ -29,7 +29,7 @@ def find(name: str) -> type[Any]:
 
 
 def known(name: str) -> type[Any] | None:
-    """Returns the class of a ROS type, or None where this side has no class for it."""
+    """Returns the class of a ROS type, or None if it is not registered."""
     try:
         return registry.find(name)
     except UnknownType:
@@ -37,7 +37,7 @@ def known(name: str) -> type[Any] | None:
 
 
 def message_class(kind: Any) -> type[Any]:
-    """Returns what a user means by a type: a message class, the name of one, or `dict`.
+    """Returns the message class for a class, the name of a type, or `dict`.
 
     Raises:
         WrongTypeError: The value has another type.
@@ -47,21 +47,21 @@ def message_class(kind: Any) -> type[Any]:
         return found
     if isinstance(found, type) and issubclass(found, Service):
         raise WrongTypeError(f"{found.TYPE} is a service; a topic has a message type")
-    raise WrongTypeError(f"{kind!r} is no message type; give a class of mjplug_schemas, its ROS name, or dict")
+    raise WrongTypeError(f"{kind!r} is not a message type; give a class of mjplug_schemas, its ROS name, or dict")
 
 
 def as_message(given: Any, kind: type[Message]) -> Message:
     """Returns a message of a type from a message or from nested dictionaries.
 
     Raises:
-        WrongTypeError: It is a message of another type, or the dictionary does not fit; the sentence names the field.
+        WrongTypeError: The message has another type, or the dictionary does not match; the error names the field.
     """
     if isinstance(given, Message):
         if not isinstance(given, kind):
-            raise WrongTypeError(f"{kind.TYPE} is needed, not {given.TYPE}")
+            raise WrongTypeError(f"expected {kind.TYPE}, not {given.TYPE}")
         return given
     if not isinstance(given, dict):
-        raise WrongTypeError(f"{kind.TYPE} or a dictionary of its fields is needed, not {given!r}")
+        raise WrongTypeError(f"expected {kind.TYPE} or a dictionary of its fields, not {given!r}")
     try:
         return kind.from_json(to_json(given))
     except CodecError as error:
@@ -72,12 +72,12 @@ def to_json(fields: Any) -> bytes:
     """Returns nested dictionaries as JSON; arrays become lists, bytes become base64.
 
     Raises:
-        WrongTypeError: Something in it cannot be said in JSON.
+        WrongTypeError: A value cannot be written in JSON.
     """
     try:
         return json.dumps(fields, default=_plain).encode()
     except (TypeError, ValueError) as error:
-        raise WrongTypeError(f"this is no message: {error}") from None
+        raise WrongTypeError(f"this is not a message: {error}") from None
 
 
 def _plain(value: Any) -> Any:
@@ -87,4 +87,4 @@ def _plain(value: Any) -> Any:
         return base64.b64encode(value).decode()
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(f"{value!r} has no form in JSON")
+    raise TypeError(f"{value!r} cannot be written in JSON")

@@ -45,9 +45,7 @@ def test_messages_of_an_unknown_type_are_published(tour):
 
 def test_the_client_says_what_to_do_about_an_unknown_type(tour):
     with connect(tour.endpoint) as client:
-        with pytest.raises(
-            WrongTypeError, match=r"unknown type 'tour_msgs/msg/Reading'.*; `dict` reads it all the same"
-        ):
+        with pytest.raises(WrongTypeError, match=r"unknown type 'tour_msgs/msg/Reading'.*; use `dict` to read it"):
             client.subscribe("/thermometer/reading")
         with pytest.raises(RequestRefused, match="an offset is not negative"):
             client.call("/thermometer/calibrate", offset=-1.0)

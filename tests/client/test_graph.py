@@ -103,7 +103,7 @@ def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client
     assert len(lines) == 2
     assert any(line.startswith("server /hung/mjplug is announced but did not answer within 0.5") for line in lines)
     assert any(line.startswith("server /bare/mjplug is announced but did not answer within ") for line in lines)
-    with pytest.raises(UnknownNameError, match="announced, but without an answer: /bare/mjplug, /hung/mjplug"):
+    with pytest.raises(UnknownNameError, match="announced, but not answering: /bare/mjplug, /hung/mjplug"):
         client.topic("/other")
     kept.clear()
     hung.undeclare()

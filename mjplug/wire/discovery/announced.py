@@ -1,6 +1,6 @@
-"""Which servers a network has, and their lists of interfaces as they send them.
+"""The servers on a network, and their lists of interfaces as JSON text.
 
-Imports little, because the TAB key of a shell waits for it.
+Imports little, because shell completion uses it.
 """
 
 import time
@@ -18,19 +18,19 @@ INTERFACES = "interfaces"
 """Last chunk of the key on which a server answers with its list: `<namespace>/<node_name>/interfaces`."""
 
 QUERY_TIMEOUT = 2.0
-"""How long to wait for an answer [s]; it takes a millisecond, and a slow network somewhat longer."""
+"""Timeout of a query [s]; the answer takes about a millisecond, longer in a slow network."""
 
 ATTEMPTS = 2
-"""How often a network or a server is asked before it is reported as not answering."""
+"""Number of queries to a network or a server before it is reported as not answering."""
 
 RETRY = 0.1
 """Pause between two attempts [s]."""
 
 AT_ONCE = zenoh.ConsolidationMode.NONE
-"""Hands over each reply to a query when it comes.
+"""Delivers each reply to a query when it arrives.
 
 By default, Zenoh keeps replies back until every program with a queryable that matches the key has answered, or until
-the timeout: one program that never answers would make everybody wait.
+the timeout, so one program that never answers would delay all replies.
 """
 
 
@@ -55,7 +55,7 @@ def server_names(session: zenoh.Session, timeout: float | None = None) -> tuple[
         timeout: How long to wait for each answer [s]; by default `QUERY_TIMEOUT`.
 
     Raises:
-        NoAnswerError: The router did not answer, even when it was asked again; so there may be servers.
+        NoAnswerError: The router did not answer, even to a second query; servers may still exist.
     """
     timeout = QUERY_TIMEOUT if timeout is None else timeout
     for attempt in range(ATTEMPTS):
@@ -87,26 +87,26 @@ def _announced(session: zenoh.Session, timeout: float) -> tuple[set[str], bool]:
 
 
 def lists(session: zenoh.Session, timeout: float) -> Iterator[tuple[str, bytes]]:
-    """Yields the names of announced servers and their lists of interfaces, as JSON text, when they come.
+    """Yields the names of announced servers and their lists of interfaces, as JSON text, when they arrive.
 
     Args:
         session: A session on the network.
         timeout: How long to wait for each answer [s].
 
     Raises:
-        NoAnswerError: The router does not tell which servers there are.
+        NoAnswerError: The router did not answer.
     """
     missing = set(server_names(session, timeout))
     if not missing:
         return
     for reply in session.get(f"**/{INTERFACES}", target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=timeout):
         if reply.ok is None:
-            # Services of ROS 2 nodes match the wildcard too, and refuse.
+            # Services of ROS 2 nodes also match the wildcard, and reply with an error.
             continue
         name = "/" + str(reply.ok.key_expr).removesuffix(f"/{INTERFACES}")
         if name in missing:
             missing.remove(name)
             yield name, reply.ok.payload.to_bytes()
         if not missing:
-            # A program that is no server may match the key too, and never answer.
+            # Another program may have a queryable on this key that never answers.
             return

@@ -1,6 +1,6 @@
-"""The list of interfaces that a server offers: its JSON form, and what a reader makes of it.
+"""Decoding of the list of interfaces of a server.
 
-`answers` writes it, `questions` asks for it. Any program can answer, so a reader checks every name, type and key.
+`answers` writes it, `questions` requests it. Any program can reply, so every name, type and key is checked.
 """
 
 import json
@@ -20,7 +20,7 @@ _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
 
 
 class UnreadableListError(MjplugError):
-    """An answer that is no list of interfaces."""
+    """A reply that is not a list of interfaces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class TopicInfo:
         durability: `volatile`, or `transient_local` for a latched topic.
         depth: How many messages are kept for a slow or late subscriber.
         publishers: The servers that publish it.
-        subscribers: The servers that read it.
+        subscribers: The servers that subscribe to it.
     """
 
     name: str
@@ -78,12 +78,12 @@ class ServiceInfo:
 
 @dataclass(frozen=True, slots=True)
 class ServerInfo:
-    """A server and what it offers.
+    """A server with its topics and services.
 
     Attributes:
         name: Its full name, such as `/mjplug`.
         version: Its version of mjplug.
-        endpoint: Where clients on its machine connect.
+        endpoint: The endpoint for clients on its machine.
         topics: Its topics by name.
         services: Its services by name.
     """
@@ -129,7 +129,7 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
 
 
 def parse(values: dict[str, Any]) -> ServerInfo:
-    """Returns the interfaces in the decoded reply of a server."""
+    """Returns the server that a valid list describes."""
     name = values["name"]
     topics: dict[str, TopicInfo] = {}
     for entry in values["topics"]:
@@ -170,7 +170,7 @@ def all_services(servers: Iterable[ServerInfo]) -> dict[str, ServiceInfo]:
 
 
 def _joined(first: TopicInfo | None, second: TopicInfo) -> TopicInfo:
-    """Returns one topic for two entries of its name; a publisher's quality of service is the topic's."""
+    """Joins two entries of a topic, with the quality of service of the publisher."""
     if first is None:
         return second
     main, other = (second, first) if second.publishers and not first.publishers else (first, second)

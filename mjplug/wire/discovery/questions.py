@@ -1,4 +1,4 @@
-"""Asks servers what they offer."""
+"""Queries for the lists of interfaces of servers."""
 
 import time
 from itertools import chain
@@ -10,26 +10,24 @@ from mjplug.wire.discovery import announced
 from mjplug.wire.discovery.announced import AT_ONCE, INTERFACES, NoAnswerError, interfaces_key, server_names
 from mjplug.wire.discovery.format import ServerInfo, UnreadableListError, checked, read
 
-_RETRY = 0.1
-"""Pause between two attempts [s]."""
 
 _MOST_ASKED = 200
-"""How many servers are asked one by one at most; any program can announce any number of them."""
+"""Maximum number of servers that are asked individually; any program can announce any number of servers."""
 
 
 def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[str, ServerInfo], dict[str, str]]:
-    """Asks all servers of the network at once what they offer.
+    """Requests the lists of interfaces of all servers at once.
 
     Args:
         session: A session on the network.
         timeout: How long to wait for each answer [s]; by default `announced.QUERY_TIMEOUT`.
 
     Returns:
-        What servers offer, by name, and why others that are announced are missing, by name. A server that has stopped
+        The servers by name, and by name the reasons why announced servers are missing. A server that has stopped
         meanwhile is in neither.
 
     Raises:
-        NoAnswerError: Nobody tells which servers there are.
+        NoAnswerError: The router did not answer.
     """
     timeout = announced.QUERY_TIMEOUT if timeout is None else timeout
     found: dict[str, ServerInfo] = {}
@@ -39,10 +37,10 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
         if there <= found.keys():
             break
         if attempt:
-            time.sleep(_RETRY)
+            time.sleep(announced.RETRY)
             there &= set(server_names(session, timeout))
         began = time.monotonic()
-        # Again, each by its own key: access control may permit that, but not the wildcard.
+        # The second time by individual keys: access control may permit these, but not the wildcard.
         missing = sorted(there - found.keys())[:_MOST_ASKED]
         selectors = [interfaces_key(name) for name in missing] if attempt else [f"**/{INTERFACES}"]
         queries = [
@@ -50,7 +48,7 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
         ]
         for reply in chain.from_iterable(queries):
             if reply.ok is None:
-                # Services of ROS 2 nodes match the wildcard too, and refuse.
+                # Services of ROS 2 nodes also match the wildcard, and reply with an error.
                 continue
             name = "/" + str(reply.ok.key_expr).removesuffix(f"/{INTERFACES}")
             if name in there and name not in found:
@@ -59,7 +57,7 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
                 except UnreadableListError as error:
                     failed[name] = str(error)
             if there <= found.keys():
-                # A program that is no server may match the key too, and never answer.
+                # Another program may have a queryable on this key that never answers.
                 break
         waited = time.monotonic() - began
         for name in there - found.keys():
@@ -75,11 +73,11 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
     Args:
         session: A session on its network.
         name: The server's full name.
-        schema: Whether the definition and JSON Schema of each type should be there, under `types`.
+        schema: Whether to include the definition and JSON Schema of each type, under `types`.
 
     Raises:
-        NoAnswerError: It does not answer.
-        UnreadableListError: What it answers is no list of interfaces.
+        NoAnswerError: The server does not answer.
+        UnreadableListError: The reply is not a list of interfaces.
     """
     selector = f"{interfaces_key(name)}{'?schema=true' if schema else ''}"
     for reply in session.get(selector, consolidation=AT_ONCE, timeout=announced.QUERY_TIMEOUT):
@@ -87,5 +85,5 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
             return checked(name, reply.ok.payload.to_bytes())
         assert reply.err is not None
         if (why := reply.err.payload.to_string()) != "Timeout":
-            raise UnreadableListError(f"server {name} cannot tell what it offers: {why}")
+            raise UnreadableListError(f"server {name} cannot list its interfaces: {why}")
     raise NoAnswerError(f"server {name} does not answer; it may have stopped")
