@@ -136,7 +136,7 @@ def test_a_program_in_the_way_is_an_error_with_the_way_around():
     assert (finding.level, "end it, or serve with --listen" in finding.fix) == ("error", True)
     assert "did not answer within 1 s, but accepts connections" in finding.message
     (finding,) = check_network("nonsense")
-    assert "is no Zenoh endpoint" in finding.message
+    assert "is not a Zenoh endpoint" in finding.message
     (finding,) = check_network("tcp/robot..lab:7447")
     assert finding.level == "ok"
 

@@ -54,9 +54,9 @@ def test_no_part_of_a_folder_is_left_nor_of_those_above_it(tmp_path, full):
 
 def test_what_was_there_before_is_not_touched(tmp_path):
     write_file(tmp_path / "file", "before")
-    with pytest.raises(MjplugError, match="is there already"):
+    with pytest.raises(MjplugError, match="already exists"):
         write_file(tmp_path / "file", "after")
-    with pytest.raises(MjplugError, match="is there already"):
+    with pytest.raises(MjplugError, match="already exists"):
         write_folder(tmp_path, {"file": "after"})
     assert (tmp_path / "file").read_text() == "before"
 

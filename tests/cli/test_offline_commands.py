@@ -117,7 +117,7 @@ def test_a_starting_file_is_valid_as_it_is_and_with_every_comment_taken_out(ask,
 
 def test_files_are_not_written_over(ask, fail, here):
     ask("config", "init", "bundled:box", "-o", "start.yaml")
-    assert fail(1, "config", "init", "bundled:box", "-o", "start.yaml").startswith("error: start.yaml is there already")
+    assert fail(1, "config", "init", "bundled:box", "-o", "start.yaml").startswith("error: start.yaml already exists")
     assert fail(1, "config", "schema", "-o", "no/such/folder.json").startswith(
         "error: cannot write no/such/folder.json"
     )
@@ -207,7 +207,7 @@ def test_a_new_plugin_is_written_with_its_name_in_all_places(ask, fail, here):
     for path in folder.rglob("*.py"):
         compile(path.read_text(), path, "exec")
         assert "$" not in path.read_text()
-    assert "street_lamp is there already" in fail(1, "plugin", "new", "street_lamp")
+    assert "street_lamp already exists" in fail(1, "plugin", "new", "street_lamp")
     assert "elsewhere/street_lamp" in ask("plugin", "new", "street_lamp", "--into", "elsewhere")
 
 

@@ -119,7 +119,7 @@ def test_a_file_for_several_nodes_is_read_as_rcl_does(tour, tmp_path):
     tour.ask("param", "load", "~", str(file))
     assert tour.ask("param", "get", "~", "sim.speed", "--hide-type") == "2.0\n"
     file.write_text("/**:\n  ros__parameters: {sim: {speed: 0.5}}\n")
-    assert "has no parameters for /mjplug; it has some for: /**" in tour.fail(
+    assert "contains no parameters for /mjplug, only for: /**" in tour.fail(
         1, "param", "load", "~", str(file), "--no-use-wildcard"
     )
     file.write_text("/mjplug:\n  ros__parameters: {sim: {speed: 0.5, seed: 7}}\n")

@@ -69,7 +69,7 @@ def test_an_unsuccessful_response_ends_with_7_and_is_shown(tour):
         (2, ("call", "~/set_pause", "std_srvs/srv/Trigger"), r"is mujoco_ros2_control_msgs/srv/SetPause, not std_srvs"),
         (2, ("call", "~/set_pause", "{pausd: true}"), r"unknown field 'pausd', did you mean 'paused'\?; known: paused"),
         (2, ("call", "~/set_pause", "{paused: 1}"), r"paused must be a bool \(true or false\), got 1"),
-        (2, ("call", "~/set_pause", "[true]"), r"'\[true\]' has no fields in it"),
+        (2, ("call", "~/set_pause", "[true]"), r"'\[true\]' contains no fields"),
         (2, ("find", "mujoco_ros2_control_msgs/SetPaus"), r"unknown type .*did you mean '\S+/srv/SetPause'\?"),
         (2, ("call", "~/set_pause", "--timeout", "-1"), r"Invalid value for '--timeout'"),
         (2, ("call",), r"Missing argument 'SERVICE'"),

@@ -101,10 +101,10 @@ def test_timeouts_can_be_infinite_but_not_negative(client):
                 lambda wrong=wrong: client.publisher("/x", String).wait_for_subscriber(wrong),
                 lambda wrong=wrong: connect(client.endpoint, timeout=wrong),
             ):
-                with pytest.raises(ClientError, match=rf"a timeout is a number of seconds from 0 on, not {wrong}"):
+                with pytest.raises(ClientError, match=rf"the timeout is {wrong}"):
                     wait()
 
 
 def test_a_queue_has_room_for_a_message(client):
-    with pytest.raises(ClientError, match=r"depth is how many messages may wait, at least 1, not 0"):
+    with pytest.raises(ClientError, match=r"depth is 0"):
         client.subscribe("/clock", Clock, depth=0)

@@ -113,7 +113,7 @@ def test_a_server_that_stops_answering_is_not_a_network_without_topics(tmp_path,
 
 
 def test_what_is_no_endpoint_is_shown_how_to_write_one():
-    with pytest.raises(NoServerError, match=r"'127\.0\.0\.1:7447' is no Zenoh endpoint; .*tcp/127\.0\.0\.1:7447"):
+    with pytest.raises(NoServerError, match=r"'127\.0\.0\.1:7447' is not a Zenoh endpoint; .*tcp/127\.0\.0\.1:7447"):
         connect("127.0.0.1:7447", timeout=0.0)
     with pytest.raises(ClientError, match=r"cannot use the Zenoh configuration file /no/such\.json5"):
         connect(config="/no/such.json5", timeout=0.0)

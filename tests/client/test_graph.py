@@ -141,7 +141,7 @@ def test_a_program_that_matches_every_key_and_never_answers_does_not_delay_other
     client, networks, stranger, monkeypatch
 ):
     monkeypatch.setattr(announced, "QUERY_TIMEOUT", 80.0)
-    monkeypatch.setattr(questions, "_RETRY", 80.0)
+    monkeypatch.setattr(announced, "RETRY", 80.0)
     monkeypatch.setattr(confirmation, "_TIMEOUT", 80.0)
     networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))
     unanswered = []

@@ -72,7 +72,7 @@ def test_a_wrong_request_does_not_leave(client, name, fields, error, sentence):
         client.call(name, **fields)
     with pytest.raises(WrongTypeError, match=r"the request is given twice: as a message, and as paused"):
         client.call("~/set_pause", {"paused": True}, paused=False)
-    with pytest.raises(WrongTypeError, match=r"SetPause_Request is needed, not .*StepSimulation_Request"):
+    with pytest.raises(WrongTypeError, match=r"expected .*SetPause_Request, not .*StepSimulation_Request"):
         client.call("~/set_pause", StepSimulation.Request())
 
 

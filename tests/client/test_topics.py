@@ -67,7 +67,7 @@ def test_messages_are_had_as_they_come(client):
     raw = client.subscribe("~/epoch", bytes).next(TIMEOUT)
     assert type(raw) is bytes
     assert UInt64.from_cdr(raw) == client.subscribe("~/epoch").next(TIMEOUT)
-    with pytest.raises(WrongTypeError, match="is no message type"):
+    with pytest.raises(WrongTypeError, match="is not a message type"):
         client.publisher("/cmd_vel", bytes)
 
 
@@ -145,7 +145,7 @@ def test_topics_between_clients_need_no_server_that_knows_them(client):
         json.publish({"data": "in JSON"})
         assert heard.next(TIMEOUT) == String(data="in JSON")
         json.publish({"date": 1})
-        with pytest.raises(WrongTypeError, match=r"what came on /chatter cannot be read: .*'date'.*'data'"):
+        with pytest.raises(WrongTypeError, match=r"a message on /chatter cannot be decoded: .*'date'.*'data'"):
             heard.next(TIMEOUT)
 
 
@@ -162,7 +162,7 @@ def test_topics_between_clients_need_no_server_that_knows_them(client):
         ("/clock", String, WrongTypeError, r"topic /clock is rosgraph_msgs/msg/Clock, not std_msgs/msg/String"),
         ("/clock", "std_msgs/msg/Strin", WrongTypeError, r"unknown type .*did you mean 'std_msgs/msg/String'\?"),
         ("/clock", "std_srvs/srv/Trigger", WrongTypeError, r"std_srvs/srv/Trigger is a service"),
-        ("/clock", int, WrongTypeError, r"<class 'int'> is no message type"),
+        ("/clock", int, WrongTypeError, r"<class 'int'> is not a message type"),
         ("/clo ck", None, ClientError, r"'/clo ck' is not a valid ROS name: ' ' is not allowed"),
     ],
 )
@@ -178,7 +178,7 @@ def test_a_wrong_message_is_refused_before_it_leaves(client):
         client.publish("/cmd_vel", {"linear": {"x": "fast"}})
     with pytest.raises(WrongTypeError, match=r"topic /cmd_vel is geometry_msgs/msg/Twist, not std_msgs/msg/String"):
         client.publish("/cmd_vel", String())
-    with pytest.raises(WrongTypeError, match=r"geometry_msgs/msg/Twist is needed, not std_msgs/msg/String"):
+    with pytest.raises(WrongTypeError, match=r"expected geometry_msgs/msg/Twist, not std_msgs/msg/String"):
         client.publisher("/cmd_vel").publish(String())
     with pytest.raises(WrongTypeError, match=r"cannot be written in JSON"):
         client.publish("/cmd_vel", {"linear": object()})
@@ -191,7 +191,7 @@ def test_waits_end_in_time(client):
         with pytest.raises(TimedOutError, match=r"no message on /mujoco_heartbeat within 0\.2 s"):
             deque(iter(partial(heartbeat.next, 0.2), None))
         assert time.monotonic() - began < TIMEOUT
-    with pytest.raises(TimedOutError, match=r"nobody reads /unheard, even after 0\.1 s"):
+    with pytest.raises(TimedOutError, match=r"no subscriber for /unheard within 0\.1 s"):
         client.publish("/unheard", String(), timeout=0.1)
     with pytest.raises(TimedOutError, match=r"neither a topic nor a service /later appeared within 0\.1 s"):
         client.wait_for("/later", 0.1)
