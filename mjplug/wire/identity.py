@@ -8,9 +8,8 @@ import zenoh
 
 from mjplug.errors import WireError
 from mjplug.wire.callbacks import callback
-from mjplug.wire.discovery.announced import TOKENS
+from mjplug.wire.discovery.announced import AT_ONCE, TOKENS, interfaces_key
 from mjplug.wire.rejections import Rejections
-from mjplug_schemas import names
 
 _LOG = logging.getLogger(__name__)
 
@@ -69,11 +68,7 @@ def _token_holder(session: zenoh.Session, name: str) -> str | None:
 
 def _server_answers(session: zenoh.Session, name: str, seconds: float) -> bool:
     """Returns whether a server of this name answers within `seconds` [s]."""
-    # With consolidation, Zenoh would delay the reply until all other matching programs have answered.
-    mode = zenoh.ConsolidationMode.NONE
-    for reply in session.get(
-        f"{names.key(name)}/interfaces", consolidation=mode, timeout=max(seconds, _RETRY_INTERVAL)
-    ):
+    for reply in session.get(interfaces_key(name), consolidation=AT_ONCE, timeout=max(seconds, _RETRY_INTERVAL)):
         # Any reply proves that a server uses this name.
         del reply
         return True

@@ -18,7 +18,7 @@ import zenoh
 from mjplug.errors import quoted
 from mjplug.log_scope import bound
 from mjplug.wire.callbacks import callback
-from mjplug.wire.discovery.announced import TOKENS, interfaces_key
+from mjplug.wire.discovery.announced import AT_ONCE, TOKENS, interfaces_key
 from mjplug.wire.discovery.answers import Listing
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import validate_name
@@ -174,9 +174,7 @@ class SharedNamesWatch:
                 _log.debug("querying the interfaces of server %s failed: %s", name, error)
 
     def _compare(self, name: str) -> None:
-        for reply in self._session.get(
-            interfaces_key(name), consolidation=zenoh.ConsolidationMode.NONE, timeout=_ANSWER_TIMEOUT
-        ):
+        for reply in self._session.get(interfaces_key(name), consolidation=AT_ONCE, timeout=_ANSWER_TIMEOUT):
             if reply.ok is None:
                 continue
             try:

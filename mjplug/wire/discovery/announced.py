@@ -1,4 +1,4 @@
-"""The servers on a network, and their lists of interfaces as JSON text.
+"""Finds the names of the servers on a network, and their lists of interfaces as JSON text.
 
 Imports little, because shell completion uses it.
 """
@@ -18,7 +18,7 @@ INTERFACES = "interfaces"
 """Last chunk of the key on which a server answers with its list: `<namespace>/<node_name>/interfaces`."""
 
 QUERY_TIMEOUT = 2.0
-"""Timeout of a query [s]; the answer takes about a millisecond, longer in a slow network."""
+"""Timeout of a query [s]; a reply takes about a millisecond, and longer on a slow network."""
 
 ATTEMPTS = 2
 """Number of queries to a network or a server before it is reported as not answering."""
@@ -27,15 +27,15 @@ RETRY = 0.1
 """Pause between two attempts [s]."""
 
 AT_ONCE = zenoh.ConsolidationMode.NONE
-"""Delivers each reply to a query when it arrives.
+"""Delivers each reply to a query as soon as it arrives.
 
-By default, Zenoh keeps replies back until every program with a queryable that matches the key has answered, or until
-the timeout, so one program that never answers would delay all replies.
+By default, Zenoh delivers the replies only when all programs with a queryable for the key have replied, or after the
+timeout, so one program that never replies would delay all replies.
 """
 
 
 class NoAnswerError(Exception):
-    """A network or a server that did not answer in time."""
+    """A network or a server did not answer in time."""
 
 
 def interfaces_key(name: str) -> str:
@@ -52,10 +52,10 @@ def server_names(session: zenoh.Session, timeout: float | None = None) -> tuple[
 
     Args:
         session: A session on the network.
-        timeout: How long to wait for each answer [s]; by default `QUERY_TIMEOUT`.
+        timeout: Timeout of each query [s]; by default `QUERY_TIMEOUT`.
 
     Raises:
-        NoAnswerError: The router did not answer, even to a second query; servers may still exist.
+        NoAnswerError: The router did not answer any of the queries, so there may be servers.
     """
     timeout = QUERY_TIMEOUT if timeout is None else timeout
     for attempt in range(ATTEMPTS):
@@ -68,7 +68,7 @@ def server_names(session: zenoh.Session, timeout: float | None = None) -> tuple[
 
 
 def _announced(session: zenoh.Session, timeout: float) -> tuple[set[str], bool]:
-    """Returns the names of the servers that are announced, and whether the answer was complete."""
+    """Returns the names of the announced servers, and whether the reply was complete."""
     names, complete = set(), True
     for reply in session.liveliness().get(f"{TOKENS}/**", timeout=timeout):
         if reply.ok is None:
@@ -87,11 +87,11 @@ def _announced(session: zenoh.Session, timeout: float) -> tuple[set[str], bool]:
 
 
 def lists(session: zenoh.Session, timeout: float) -> Iterator[tuple[str, bytes]]:
-    """Yields the names of announced servers and their lists of interfaces, as JSON text, when they arrive.
+    """Yields the names of announced servers and their lists of interfaces, as JSON text, as they arrive.
 
     Args:
         session: A session on the network.
-        timeout: How long to wait for each answer [s].
+        timeout: Timeout of each query [s].
 
     Raises:
         NoAnswerError: The router did not answer.
@@ -101,12 +101,12 @@ def lists(session: zenoh.Session, timeout: float) -> Iterator[tuple[str, bytes]]
         return
     for reply in session.get(f"**/{INTERFACES}", target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=timeout):
         if reply.ok is None:
-            # Services of ROS 2 nodes also match the wildcard, and reply with an error.
+            # Services of ROS 2 nodes also match the wildcard, and refuse the query.
             continue
         name = "/" + str(reply.ok.key_expr).removesuffix(f"/{INTERFACES}")
         if name in missing:
             missing.remove(name)
             yield name, reply.ok.payload.to_bytes()
         if not missing:
-            # Another program may have a queryable on this key that never answers.
+            # A program that is not a server may also match the key, and never reply.
             return

@@ -1,6 +1,6 @@
-"""Decoding of the list of interfaces of a server.
+"""The list of interfaces that a server offers: its JSON form, and how it is decoded.
 
-`answers` writes it, `questions` requests it. Any program can reply, so every name, type and key is checked.
+`answers` encodes it, and `questions` queries it. Any program can reply, so every name, type and key is validated.
 """
 
 import json
@@ -20,7 +20,7 @@ _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
 
 
 class UnreadableListError(MjplugError):
-    """A reply that is not a list of interfaces."""
+    """A reply is not a list of interfaces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
     try:
         content: dict[str, Any] = json.loads(answer)
         if content["name"] != name:
-            raise ValueError(f"the name in it is {content['name']!r}")
+            raise ValueError(f"the name in it is {quoted(str(content['name']))}")
         for entry in (*content["topics"], *content["services"]):
             validate_name(entry["name"])
             if not _TYPE.fullmatch(entry["type"]):

@@ -1,4 +1,4 @@
-"""Queries for the lists of interfaces of servers."""
+"""Queries servers for their topics and services."""
 
 import time
 from itertools import chain
@@ -10,20 +10,19 @@ from mjplug.wire.discovery import announced
 from mjplug.wire.discovery.announced import AT_ONCE, INTERFACES, NoAnswerError, interfaces_key, server_names
 from mjplug.wire.discovery.format import ServerInfo, UnreadableListError, checked, read
 
-
-_MOST_ASKED = 200
-"""Maximum number of servers that are asked individually; any program can announce any number of servers."""
+_MAX_SINGLE_QUERIES = 200
+"""Maximum number of servers that are queried one by one; any program can announce any number of them."""
 
 
 def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[str, ServerInfo], dict[str, str]]:
-    """Requests the lists of interfaces of all servers at once.
+    """Queries all servers of the network at once.
 
     Args:
         session: A session on the network.
-        timeout: How long to wait for each answer [s]; by default `announced.QUERY_TIMEOUT`.
+        timeout: Timeout of each query [s]; by default `announced.QUERY_TIMEOUT`.
 
     Returns:
-        The servers by name, and by name the reasons why announced servers are missing. A server that has stopped
+        The servers by name, and the reasons why other announced servers are missing, by name. A server that has stopped
         meanwhile is in neither.
 
     Raises:
@@ -40,15 +39,15 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
             time.sleep(announced.RETRY)
             there &= set(server_names(session, timeout))
         began = time.monotonic()
-        # The second time by individual keys: access control may permit these, but not the wildcard.
-        missing = sorted(there - found.keys())[:_MOST_ASKED]
+        # The second time by their own keys, because access control may permit these but not the wildcard.
+        missing = sorted(there - found.keys())[:_MAX_SINGLE_QUERIES]
         selectors = [interfaces_key(name) for name in missing] if attempt else [f"**/{INTERFACES}"]
         queries = [
             session.get(s, target=zenoh.QueryTarget.ALL, consolidation=AT_ONCE, timeout=timeout) for s in selectors
         ]
         for reply in chain.from_iterable(queries):
             if reply.ok is None:
-                # Services of ROS 2 nodes also match the wildcard, and reply with an error.
+                # Services of ROS 2 nodes also match the wildcard, and refuse the query.
                 continue
             name = "/" + str(reply.ok.key_expr).removesuffix(f"/{INTERFACES}")
             if name in there and name not in found:
@@ -57,7 +56,7 @@ def ask_all(session: zenoh.Session, timeout: float | None = None) -> tuple[dict[
                 except UnreadableListError as error:
                     failed[name] = str(error)
             if there <= found.keys():
-                # Another program may have a queryable on this key that never answers.
+                # A program that is not a server may also match the key, and never reply.
                 break
         waited = time.monotonic() - began
         for name in there - found.keys():
@@ -76,7 +75,7 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
         schema: Whether to include the definition and JSON Schema of each type, under `types`.
 
     Raises:
-        NoAnswerError: The server does not answer.
+        NoAnswerError: The server did not answer.
         UnreadableListError: The reply is not a list of interfaces.
     """
     selector = f"{interfaces_key(name)}{'?schema=true' if schema else ''}"
@@ -85,5 +84,5 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
             return checked(name, reply.ok.payload.to_bytes())
         assert reply.err is not None
         if (why := reply.err.payload.to_string()) != "Timeout":
-            raise UnreadableListError(f"server {name} cannot list its interfaces: {why}")
+            raise UnreadableListError(f"server {name} refused the query for its interfaces: {why}")
     raise NoAnswerError(f"server {name} does not answer; it may have stopped")
