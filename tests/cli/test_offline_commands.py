@@ -219,8 +219,8 @@ def test_a_new_plugin_is_written_with_its_name_in_all_places(ask, fail, here):
             "cannot be the name of a module: lower-case letters, digits and _ are allowed; try street_lamp",
         ),
         ("class", "cannot be the name of a module"),
-        ("heartbeat", "there is a plugin 'heartbeat' already"),
-        ("json", "there is a module 'json' already"),
+        ("heartbeat", "a plugin 'heartbeat' already exists"),
+        ("json", "a module 'json' already exists"),
     ],
 )
 def test_a_name_that_no_plugin_can_have_is_refused(fail, here, name, sentence):

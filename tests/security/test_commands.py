@@ -21,7 +21,7 @@ WITHOUT_CRYPTOGRAPHY = (
 def test_init_prints_the_line_to_start_and_the_line_to_connect_and_both_work(tmp_path):
     made = run("keys", "init", "--host", "localhost", cwd=tmp_path)
     assert made.stderr == (
-        "made keys; clients connect to tls/localhost:7447. To start a server, and to connect to it:\n"
+        "created keys; clients connect to tls/localhost:7447. To start a server, and to connect to it:\n"
     )
     start, connect = made.stdout.splitlines()
     assert start == "mjplug serve bundled:box --zenoh-config keys/server/server.json5"
