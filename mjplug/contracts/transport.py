@@ -92,7 +92,55 @@ class Call(Protocol):
         """Reports that the request failed: with `success=False` if the type has this field, or with an error reply."""
 
 
-class Transport(Protocol):
+class BytesPublisher(Protocol):
+    """A publisher of bytes that are no ROS message. Its key is in no list of interfaces."""
+
+    @property
+    def matched(self) -> bool:
+        """Whether the key has a subscriber."""
+
+    def put(self, payload: bytes) -> None:
+        """Publishes the bytes; a subscriber that is too slow loses them."""
+
+
+class BytesQuery(Protocol):
+    """A query that waits for its reply. Any thread may answer it; only the first answer counts."""
+
+    def reply(self, payload: bytes, encoding: str, attachment: str = "") -> None:
+        """Replies with bytes.
+
+        Args:
+            payload: The bytes.
+            encoding: Zenoh encoding, such as `application/json`.
+            attachment: Text that is sent as the attachment; empty means none.
+        """
+
+    def refuse(self, reason: str) -> None:
+        """Sends an error reply with one sentence."""
+
+
+class BytesTransport(Protocol):
+    """Declares endpoints for bytes that are no ROS message. Callbacks run on the transport's threads."""
+
+    def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> BytesPublisher:
+        """Declares a publisher; `on_matched` is called each time the first subscriber appears."""
+
+    def open_bytes_subscription(self, key: str, limit: int, deliver: Callable[[bytes], None]) -> None:
+        """Declares a subscription; `deliver` is called with every payload of at most `limit` bytes."""
+
+    def open_bytes_queryable(self, key: str, deliver: Callable[[BytesQuery], None]) -> None:
+        """Declares a queryable; `deliver` is called with every query on exactly this key."""
+
+    def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
+        """Calls `left` with the key of each liveliness token that disappears.
+
+        Args:
+            keys: Key expression of the tokens.
+            left: Called with the token's key.
+        """
+
+
+class Transport(BytesTransport, Protocol):
     """Declares publishers, subscriptions and services. Callbacks run on the transport's threads; they only enqueue."""
 
     def open_publisher(self, topic: Topic[M], on_matched: Callable[[], None] | None = None) -> Publisher[M]:

@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol
 import mujoco
 
 from mjplug.contracts.diagnostics import Diagnosis, Level
-from mjplug.contracts.transport import Publisher
+from mjplug.contracts.transport import BytesPublisher, Publisher
 from mjplug.errors import MjplugError
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
@@ -46,7 +46,7 @@ class Work(ABC):
     """
 
     @abstractmethod
-    def open(self, model: mujoco.MjModel, publishers: Sequence[Publisher[Any]], logger: Logger) -> str:
+    def open(self, model: mujoco.MjModel, publishers: Sequence[Any], logger: Logger) -> str:
         """Acquires resources. Called once in the worker process, after its environment variables were set.
 
         Args:
@@ -113,11 +113,14 @@ class WorkerSpec:
         on_done: Called with each completed job and the return value of `perform`.
         on_lost: Called with the tasks that will not be performed, and the reason: the process died, `perform` raised
             an exception, or the work is unavailable.
+        save_later: Whether the model is saved in the background, after `start` has returned. Use it for a worker that
+            is started while physics runs, because saving a large model takes up to a second. Later changes of the
+            model may then be in the worker's copy.
     """
 
     name: str
     work: Work
-    publishers: Sequence[Publisher[Any]]
+    publishers: Sequence[Publisher[Any] | BytesPublisher]
     environments: Sequence[Mapping[str, str]] = NO_RENDERER
     sync: bool = False
     priority: Priority = "low"
@@ -126,6 +129,7 @@ class WorkerSpec:
     on_ready: Callable[[str], None] = _ignore
     on_done: Callable[[Job, Any], None] = _ignore
     on_lost: Callable[[frozenset[str], str], None] = _ignore
+    save_later: bool = False
 
 
 @dataclass(slots=True)
@@ -187,6 +191,9 @@ class Worker(Protocol):
             answered: Whether a client gets a response when the job is done. The client may have subscribed just before,
                 so the process first waits until it has matched all subscribers that the server has matched now.
         """
+
+    def stop(self) -> None:
+        """Ends the worker for good and returns at once. Its jobs are lost; callbacks may still be called meanwhile."""
 
 
 class WorkerPool(Protocol):

@@ -24,6 +24,7 @@ from mjplug.physics.simulation import Simulation
 from mjplug.physics.step_goals import StepGoals
 from mjplug.physics.steppers import Steppers
 from mjplug.physics.timing import Timing
+from mjplug.physics.wall_timers import WallTimers
 from mjplug_schemas.message import Message
 
 MAX_BATCH_TIME = 0.002
@@ -61,6 +62,7 @@ class Loop:
         on_idle: Called while `run` is paused and has nothing to do: at once, and then about once a second of wall time.
             It publishes `/clock`.
         on_second: Called with the wall time [s] about once a second of wall time, paused or not, at any speed.
+        wall_timers: Timers in wall time, which run paused or not, at any speed.
         recovery: The divergence policy and its log lines.
         timing: Measured duration of steps, and how late they start [s of wall time].
         failure: The error that ended `run`; None if there was none.
@@ -91,6 +93,7 @@ class Loop:
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
         self.on_second: list[Callable[[float], None]] = [self.recovery.report_suppressed, self.inbox.report_overruns]
+        self.wall_timers = WallTimers()
         self.timing = Timing()
         self.goals = StepGoals()
         self.lockstep: set[object] = set()
@@ -203,9 +206,13 @@ class Loop:
         now = perf_counter()
         if now >= self._second_at:
             now = self._call_on_second(now)
+        if now >= self.wall_timers.next_due:
+            self.wall_timers.run_due(now)
+            self.simulation.mark_poses_outdated()
+            now = perf_counter()
         if self.lockstep and (self.goals or not self.paused):
             if not polled:
-                self._wait(self._second_at - now)
+                self._wait(self._wall_due - now)
         elif self.paused:
             if self.goals:
                 self._take_batch(self.goals.next_target)
@@ -221,7 +228,12 @@ class Loop:
             else:
                 # Short steps are taken in groups; a step at which a timer or a request is due is not delayed.
                 wake = min(step + self.pacer.steps_per_wake, max(step + 1, self.scheduler.next_due))
-                self._wait(min(self.pacer.deadline(wake), self._second_at) - now)
+                self._wait(min(self.pacer.deadline(wake), self._wall_due) - now)
+
+    @property
+    def _wall_due(self) -> float:
+        """When something is due in wall time [s]."""
+        return min(self._second_at, self.wall_timers.next_due)
 
     def _call_on_second(self, now: float) -> float:
         """Calls `on_second`; returns the wall time afterwards [s]."""
@@ -236,7 +248,7 @@ class Loop:
             self._idle_at = now + WALL_TIMER_PERIOD
             for callback in self.on_idle:
                 callback()
-        self._wait(min(self._idle_at, self._second_at) - now)
+        self._wait(min(self._idle_at, self._wall_due) - now)
 
     def _wait(self, seconds: float) -> None:
         """Waits for a posted call for at most this wall time [s], and runs it."""

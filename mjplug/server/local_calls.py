@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from mjplug.contracts.transport import Call, Publisher, ServiceName, Topic, Transport
+from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic, Transport
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
@@ -69,6 +69,22 @@ class LocalCalls:
         """Declares a service, and stores its callback for `send`."""
         self._transport.open_service(service, deliver)
         self._services[service] = deliver
+
+    def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> BytesPublisher:
+        """Declares a publisher of bytes."""
+        return self._transport.open_bytes_publisher(key, encoding, on_matched)
+
+    def open_bytes_subscription(self, key: str, limit: int, deliver: Callable[[bytes], None]) -> None:
+        """Declares a subscription to bytes."""
+        self._transport.open_bytes_subscription(key, limit, deliver)
+
+    def open_bytes_queryable(self, key: str, deliver: Callable[[BytesQuery], None]) -> None:
+        """Declares a queryable that replies with bytes."""
+        self._transport.open_bytes_queryable(key, deliver)
+
+    def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
+        """Watches liveliness tokens."""
+        self._transport.watch_leaving(keys, left)
 
     def send(self, type: type[Service], request: Message) -> LocalCall:
         """Sends a request to the first service of a type. The server declares its own services before those of plugins.

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from mjplug.contracts.cdr_frame import CdrFrame
-from mjplug.contracts.transport import Call, ServiceName, Topic
+from mjplug.contracts.transport import BytesQuery, Call, ServiceName, Topic
 from mjplug.contracts.work import WorkerSpec, WorkerStatus
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.simulation import Simulation
@@ -21,6 +21,9 @@ class OfflinePublisher:
 
     def publish_frame(self, frame: CdrFrame) -> None:
         """Discards the frame."""
+
+    def put(self, payload: bytes) -> None:
+        """Drops the bytes."""
 
 
 class OfflineTransport:
@@ -50,6 +53,19 @@ class OfflineTransport:
         """Records the service."""
         self.services.append(service)
 
+    def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> OfflinePublisher:
+        """Returns a publisher without subscribers."""
+        return OfflinePublisher()
+
+    def open_bytes_subscription(self, key: str, limit: int, deliver: Callable[[bytes], None]) -> None:
+        """Delivers nothing."""
+
+    def open_bytes_queryable(self, key: str, deliver: Callable[[BytesQuery], None]) -> None:
+        """Delivers nothing."""
+
+    def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
+        """Reports nothing."""
+
 
 class OfflineWorker:
     """A worker that never becomes ready."""
@@ -58,6 +74,9 @@ class OfflineWorker:
         self.status = WorkerStatus()
 
     def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+        """Does nothing."""
+
+    def stop(self) -> None:
         """Does nothing."""
 
 

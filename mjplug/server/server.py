@@ -30,6 +30,8 @@ from mjplug.services import (
     step_simulation,
 )
 from mjplug.services.plugin_times import PluginTimes
+from mjplug.services.view import service as view
+from mjplug_schemas import names
 
 _log = logging.getLogger(__name__)
 
@@ -85,6 +87,8 @@ class Server:
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
+        types = {instance: entry.type for instance, entry in settings.plugins.items()}
+        view.offer(self.loop, transport, workers, names.key(name), types)
         self.diagnostics.add("plugins", self._times.diagnose)
         # Started before the plugins and ended after them, so that their log lines are published.
         packages = [selected.plugin_class.__module__.partition(".")[0] for selected in plugins]

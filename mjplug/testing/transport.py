@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mjplug.contracts.cdr_frame import CdrFrame
-from mjplug.contracts.transport import Call, QoS, ServiceName, Topic
+from mjplug.contracts.transport import BytesQuery, Call, QoS, ServiceName, Topic
 from mjplug.server.local_calls import LocalCall
 from mjplug_schemas.message import Message, Service
 
@@ -33,6 +33,25 @@ class FakePublisher:
         self.messages.append(frame.type.from_cdr(frame.payload()))
 
 
+class FakeBytesPublisher:
+    """Keeps the published bytes. Implements `mjplug.contracts.transport.BytesPublisher`.
+
+    Attributes:
+        matched: Whether the key has a subscriber; false at first, and may be changed.
+        payloads: The payloads, the first one first.
+        on_matched: Called by the transport when a first subscriber appears.
+    """
+
+    def __init__(self, on_matched: Callable[[], None]) -> None:
+        self.matched = False
+        self.payloads: list[bytes] = []
+        self.on_matched = on_matched
+
+    def put(self, payload: bytes) -> None:
+        """Keeps the payload."""
+        self.payloads.append(payload)
+
+
 class FakeTransport:
     """Topics and services by their full ROS names. Implements `mjplug.contracts.transport.Transport`.
 
@@ -40,12 +59,20 @@ class FakeTransport:
         publishers: The publishers, by topic.
         types: The type of each topic and service.
         qos: The quality of service of each published topic.
+        bytes_publishers: The publishers of bytes, by key.
+        bytes_subscriptions: The functions that get the bytes of a subscription, by key.
+        queryables: The functions that get the queries of a queryable, by key.
+        watched: The functions that are called when a liveliness token disappears, by key expression.
     """
 
     def __init__(self) -> None:
         self.publishers: dict[str, FakePublisher] = {}
         self.types: dict[str, Any] = {}
         self.qos: dict[str, QoS] = {}
+        self.bytes_publishers: dict[str, FakeBytesPublisher] = {}
+        self.bytes_subscriptions: dict[str, Callable[[bytes], None]] = {}
+        self.queryables: dict[str, Callable[[BytesQuery], None]] = {}
+        self.watched: dict[str, Callable[[str], None]] = {}
         self._subscriptions: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
         self._services: dict[str, Callable[[Call], None]] = {}
 
@@ -74,6 +101,23 @@ class FakeTransport:
         """Declares a service."""
         self._services[service.name] = deliver
         self.types[service.name] = service.type
+
+    def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> FakeBytesPublisher:
+        """Declares a publisher of bytes."""
+        publisher = self.bytes_publishers[key] = FakeBytesPublisher(on_matched)
+        return publisher
+
+    def open_bytes_subscription(self, key: str, limit: int, deliver: Callable[[bytes], None]) -> None:
+        """Declares a subscription to bytes."""
+        self.bytes_subscriptions[key] = deliver
+
+    def open_bytes_queryable(self, key: str, deliver: Callable[[BytesQuery], None]) -> None:
+        """Declares a queryable."""
+        self.queryables[key] = deliver
+
+    def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
+        """Watches liveliness tokens."""
+        self.watched[keys] = left
 
     def send(self, name: str, message: Message) -> None:
         """Sends a message to the subscribers of a topic. They handle it before the next step.

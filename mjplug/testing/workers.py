@@ -24,6 +24,7 @@ class InlineWorker:
         status: State and counters.
         spec: The work and its callbacks.
         work: A copy of the plugin's work, as in a worker process.
+        stopped: Whether `stop` was called.
 
     Args:
         spec: As above.
@@ -36,6 +37,7 @@ class InlineWorker:
         self.spec = spec
         self._simulation = simulation
         self._inbox = inbox
+        self.stopped = False
         self._hold = False
         self._waiting: tuple[Job, NDArray[np.float64]] | None = None
         model = copy.copy(simulation.model)
@@ -66,6 +68,11 @@ class InlineWorker:
         self._waiting = Job(simulation.time_ns, simulation.epoch, wanted), state
         if not self._hold:
             self._perform()
+
+    def stop(self) -> None:
+        """Closes the work; see `stopped`."""
+        self.stopped = True
+        self.work.close()
 
     def hold(self) -> None:
         """Keeps later jobs waiting, as a busy process does. A newer job replaces the waiting one."""

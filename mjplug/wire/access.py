@@ -41,6 +41,9 @@ VIEW: Final = "@view"
 VIEW_READ: Final = ("info", "scene", "model")
 VIEW_COMMAND: Final = ("drag",)
 
+VIEWERS: Final = "viewer"
+"""Chunk in the keys of the liveliness tokens of viewers that drag bodies."""
+
 ALL_KEYS: Final = (
     "**",
     "**/@json",
@@ -145,6 +148,8 @@ def _operator(interfaces: Interfaces) -> Iterator[dict[str, Any]]:
     yield _rule("operator subscribes and calls", "ingress", [*_SUBSCRIBE, "query"], ALL_KEYS)
     yield _rule("operator receives", "egress", _ALL, ALL_KEYS)
     yield _rule("operator publishes commands", "ingress", ["put"], inputs)
+    # By these, the server detects that a viewer has disconnected.
+    yield _rule("operator declares viewers", "ingress", ["liveliness_token"], [f"{server}/{VIEW}/{VIEWERS}/*"])
     # For latched topics that the server subscribes to: the history of an operator's publisher.
     yield _rule(
         "operator offers its history",

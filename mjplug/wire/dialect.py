@@ -10,14 +10,14 @@ from typing import Any, Protocol
 import zenoh
 
 from mjplug.contracts.transport import ServiceName, Topic
-from mjplug.wire.encoding import Form, Received
+from mjplug.wire.encoding import Form, Received, WrittenForm
 
 
 class KeyWriter(Protocol):
     """A key to which a publisher writes."""
 
     @property
-    def form(self) -> Form:
+    def form(self) -> WrittenForm:
         """The form of the payloads."""
 
     @property

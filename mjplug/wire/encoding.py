@@ -13,6 +13,9 @@ M = TypeVar("M", bound=Message)
 
 Form = Literal["cdr", "json"]
 
+WrittenForm = Literal["cdr", "json", "bytes"]
+"""The form of a writer's payloads; `bytes` are no ROS message."""
+
 MAX_PAYLOAD = 1 << 20
 """Default maximum size of a received payload [bytes], because any client can make the server decode payloads."""
 

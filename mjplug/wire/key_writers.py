@@ -17,7 +17,7 @@ from zenoh.ext import CacheConfig, MissDetectionConfig, declare_advanced_publish
 from mjplug.contracts.transport import QoS
 from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import RemoteWriterSpec
-from mjplug.wire.encoding import Form
+from mjplug.wire.encoding import Form, WrittenForm
 
 WORKER_PRIORITY = zenoh.Priority.DATA_LOW
 """Zenoh priority of publications of worker processes, which are large. Each priority has its own queue in a link. In a
@@ -40,7 +40,7 @@ class LiveWriter:
         self,
         session: zenoh.Session,
         key: str,
-        form: Form,
+        form: WrittenForm,
         encoding: zenoh.Encoding,
         qos: QoS,
         on_matched: Callable[[], None],
@@ -110,7 +110,7 @@ class LiveWriterSpec:
     """The arguments of a `LiveWriter`; picklable."""
 
     key: str
-    form: Form
+    form: WrittenForm
     encoding: str
     qos: QoS
 

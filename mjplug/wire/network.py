@@ -6,9 +6,10 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, TypeVar
 
-from mjplug.contracts.transport import Call, ServiceName, Topic
+from mjplug.contracts.transport import BytesQuery, Call, ServiceName, Topic
 from mjplug.errors import WireError
 from mjplug.wire import identity
+from mjplug.wire.bytes_endpoints import BytesEndpoints, WireBytesPublisher
 from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
 from mjplug.wire.discovery.answers import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
@@ -61,6 +62,7 @@ class Network:
         self._types: dict[str, type[Message]] = {}
         self._servers: dict[str, ServiceServer] = {}
         self._subscriptions: list[Subscription[Any]] = []
+        self._bytes = BytesEndpoints(session.zenoh)
         listing = Listing(name, version("mjplug"), session.endpoint)
         self._interfaces = InterfacesQueryable(session.zenoh, listing, self._refresh)
         # After the queryable, because a client that sees the token may query the list at once.
@@ -131,6 +133,22 @@ class Network:
         entry = ServiceEntry(service, keys)
         self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
 
+    def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> WireBytesPublisher:
+        """Declares a publisher of bytes; see `mjplug.contracts.transport.BytesTransport`."""
+        return self._bytes.open_publisher(key, encoding, on_matched)
+
+    def open_bytes_subscription(self, key: str, limit: int, deliver: Callable[[bytes], None]) -> None:
+        """Declares a subscription to bytes; see `mjplug.contracts.transport.BytesTransport`."""
+        self._bytes.open_subscription(key, limit, deliver)
+
+    def open_bytes_queryable(self, key: str, deliver: Callable[[BytesQuery], None]) -> None:
+        """Declares a queryable; see `mjplug.contracts.transport.BytesTransport`."""
+        self._bytes.open_queryable(key, deliver)
+
+    def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
+        """Watches liveliness tokens; see `mjplug.contracts.transport.BytesTransport`."""
+        self._bytes.watch_leaving(keys, left)
+
     def watch_shared_names(self, exempt: Iterable[str] = ()) -> None:
         """Announces to other servers that all names are declared, and logs a warning about shared names.
 
@@ -162,6 +180,7 @@ class Network:
         """Refuses the waiting requests, makes publishers unmatched and closes the session; may be called twice."""
         for dialect in self._dialects:
             dialect.close()
+        self._bytes.close()
         self.open_calls.close(reason)
         self.session.close()
         if self._shared is not None:

@@ -12,6 +12,7 @@ import zenoh
 
 from mjplug.contracts.work import Job, Work
 from mjplug.physics import process, snapshot
+from mjplug.wire.bytes_endpoints import RemoteBytesSpec
 from mjplug.wire.dialect import KeyWriter
 from mjplug.wire.publisher import RemotePublisherSpec
 from mjplug.wire.session import SessionSettings, join
@@ -30,7 +31,7 @@ class ChildSetup:
     """
 
     work: Work
-    publishers: tuple[RemotePublisherSpec, ...]
+    publishers: tuple[RemotePublisherSpec | RemoteBytesSpec, ...]
     session: SessionSettings
     endpoints: tuple[str, ...]
 

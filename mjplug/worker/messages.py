@@ -67,7 +67,7 @@ class Failed(NamedTuple):
     permanent: bool = False
 
 
-def write(fd: int, payload: bytes) -> None:
+def write(fd: int, payload: bytes | memoryview) -> None:
     """Writes one message.
 
     Raises:

@@ -62,7 +62,7 @@ class WorkerProcess:
         """The process id."""
         return self._popen.pid
 
-    def begin(self, environment: ChildEnvironment, model: bytes, setup: bytes) -> None:
+    def begin(self, environment: ChildEnvironment, model: memoryview, setup: bytes) -> None:
         """Sends the first messages. If the process has already ended, `receive` returns None."""
         with contextlib.suppress(OSError):
             for payload in (pack(environment), model, setup):

@@ -10,7 +10,7 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from time import monotonic
@@ -70,12 +70,13 @@ class WorkerSupervisor:
 
     Attributes:
         status: State and counters.
+        stopped: Whether `stop` was called; the pool then ends the process.
 
     Args:
         spec: The work and its settings.
         simulation: The simulation whose state `submit` copies.
         inbox: The inbox of the physics thread, on which the callbacks of the spec run.
-        model: The compiled model in the format of `mj_saveModel`.
+        model: Returns the compiled model in the format of `mj_saveModel`; called on the worker's own thread.
         setup: The pickled `ChildSetup`: the work, its publishers and the session settings.
         writers: The Zenoh publishers of the spec's publishers in the server's process, one for each key.
     """
@@ -85,7 +86,7 @@ class WorkerSupervisor:
         spec: WorkerSpec,
         simulation: Simulation,
         inbox: Inbox,
-        model: bytes,
+        model: Callable[[], memoryview],
         setup: bytes,
         writers: Sequence[KeyWriter],
     ) -> None:
@@ -98,6 +99,7 @@ class WorkerSupervisor:
         self._logger = logger_of_server(f"{INSTANCES}.{spec.name}")
         self._states = SharedStates.create(snapshot.size(simulation.model))
         self._jobs = JobSlots(self._states.slots, partial(snapshot.take, simulation.model, simulation.data))
+        self.stopped = False
         self.status = WorkerStatus(dropped=self._jobs.dropped)
         self._closing = threading.Event()
         # Guards `_process`, `_detector`, `_hung` and `_ready`.
@@ -129,6 +131,10 @@ class WorkerSupervisor:
         elif self._spec.sync:
             # This does not wait here: the loop takes no steps, but serves requests.
             self._spec.block_steps(True)
+
+    def stop(self) -> None:
+        """Lets the pool end the process within its next check; see `mjplug.contracts.work.Worker`."""
+        self.stopped = True
 
     def check(self, now: float) -> None:
         """Kills the process if it hangs; `_supervise` then restarts it.
@@ -273,7 +279,7 @@ class WorkerSupervisor:
             priority,
             engine_plugins.loaded(),
         )
-        process.begin(environment, self._model, self._setup)
+        process.begin(environment, self._model(), self._setup)
         while (message := process.receive()) is not None:
             detector.message_received()
             match message:

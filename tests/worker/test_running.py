@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from wire.conftest import PATIENCE, Client
 from worker import works
+from worker.conftest import Ordered
 
-from mjplug.contracts.transport import LATCHED
+from mjplug.contracts.transport import DEFAULT, LATCHED
 from mjplug.errors import PluginError
 from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.tokens import gid
@@ -241,3 +242,27 @@ def test_the_snapshot_is_the_whole_state(server):
     mujoco.mj_forward(server.simulation.model, data)
     assert (qvel, act, ctrl) == (data.qvel.tolist(), data.act.tolist(), data.ctrl.tolist())
     np.testing.assert_allclose(qacc, data.qacc, rtol=0, atol=1e-9)
+
+
+def test_a_stopped_worker_ends_its_process_and_another_one_can_start(server):
+    ordered = server.order(works.Tells(), save_later=True).wait_for_ready()
+    pid = int(ordered.ready[0].removeprefix("process "))
+    assert pid in children()
+    ordered.worker.stop()
+    until = time.monotonic() + 30.0
+    while pid in children():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    again = Ordered(server, works.Tells(), DEFAULT).wait_for_ready()
+    assert again.perform("there")[1][0] == expected(server.simulation)[0]
+
+
+def test_a_worker_that_is_stopped_before_it_is_ready_ends_too(server):
+    before = set(children())
+    ordered = server.order(works.Tells(), save_later=True)
+    ordered.worker.stop()
+    until = time.monotonic() + 30.0
+    while server.workers.running:
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    assert set(children()) == before

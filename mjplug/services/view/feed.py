@@ -1,0 +1,125 @@
+"""Starts the view's worker process when somebody looks, gives it a state per frame, and ends it afterwards."""
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+from mjplug.contracts.transport import BytesPublisher
+from mjplug.contracts.work import Job, Worker, WorkerPool, WorkerSpec
+from mjplug.physics.loop import Loop
+from mjplug.services.view.work import PAUSE, SCENE, STREAMS, Scene, ViewWork
+
+FRAME_PERIOD = 1.0 / 60.0
+"""Minimum wall time between two frames [s]."""
+
+STILL_PERIOD = 1.0
+"""Wall time between two frames of a state that does not change [s], for clients that join late."""
+
+LINGER = 10.0
+"""The worker process ends when nobody has looked for this wall time [s]."""
+
+
+class Feed:
+    """The view's worker and its states. Physics thread only.
+
+    While there is no subscriber, there is no worker process and no timer. Frames are due in wall time, so they are sent
+    while the simulation is paused, and no more than 60 per second at any speed.
+
+    Args:
+        loop: The physics loop.
+        workers: Runs the worker process.
+        open_publisher: Declares the publisher of one of `STREAMS`; it also gets the function to call for the first
+            subscriber.
+        on_scene: Called with the drawing pack when it has been made.
+        on_lost: Called with the reason when the drawing pack cannot be made.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        workers: WorkerPool,
+        open_publisher: Callable[[str, Callable[[], None]], BytesPublisher],
+        on_scene: Callable[[Scene], None],
+        on_lost: Callable[[str], None],
+    ) -> None:
+        self._loop = loop
+        self._workers = workers
+        self._on_scene = on_scene
+        self._on_lost = on_lost
+        self._timer = loop.wall_timers.create(self._tick)
+        self._worker: Worker | None = None
+        self._used = 0.0
+        self._sent = 0.0
+        self._last: object = None
+        self._publishers = {name: open_publisher(name, lambda: loop.inbox.post(self._matched)) for name in STREAMS}
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a worker process."""
+        return self._worker is not None
+
+    def request_scene(self) -> None:
+        """Lets the worker make the drawing pack."""
+        self._used = perf_counter()
+        self._started().submit((SCENE,))
+        if self._timer.due > self._used + LINGER:
+            self._timer.set(self._used + LINGER)
+
+    def _matched(self) -> None:
+        self._last = None
+        self._timer.set(perf_counter())
+
+    def _tick(self, now: float) -> None:
+        wanted = [name for name, publisher in self._publishers.items() if publisher.matched]
+        if wanted and not self._unavailable():
+            self._used = now
+            self._send(now, wanted)
+            self._timer.set(now + FRAME_PERIOD)
+        elif now - self._used < LINGER:
+            self._timer.set(self._used + LINGER)
+        elif self._worker is not None:
+            self._worker.stop()
+            self._worker = None
+
+    def _send(self, now: float, wanted: list[str]) -> None:
+        """Submits the present state for some streams if it has changed, or if the last one is `STILL_PERIOD` old."""
+        state = self._state()
+        if state == self._last and now - self._sent < STILL_PERIOD:
+            return
+        self._last, self._sent = state, now
+        self._started().submit([*wanted, PAUSE] if self._loop.paused else wanted)
+
+    def _state(self) -> object:
+        """Returns a value that changes with the poses."""
+        loop, simulation = self._loop, self._loop.simulation
+        if not loop.paused:
+            return simulation.step, simulation.epoch
+        # While paused, requests may set positions without a step.
+        data = simulation.data
+        positions = data.qpos.tobytes(), data.mocap_pos.tobytes(), data.mocap_quat.tobytes()
+        return simulation.step, simulation.epoch, positions
+
+    def _unavailable(self) -> bool:
+        """Returns whether the worker cannot run; after `LINGER`, the next subscriber starts another one."""
+        return self._worker is not None and self._worker.status.state == "unavailable"
+
+    def _started(self) -> Worker:
+        if self._worker is None:
+            spec = WorkerSpec(
+                "view",
+                ViewWork(),
+                tuple(self._publishers.values()),
+                save_later=True,
+                on_done=self._done,
+                on_lost=self._lost,
+            )
+            self._worker = self._workers.start(spec, self._loop.simulation, self._loop.inbox)
+        return self._worker
+
+    def _done(self, job: Job, report: Any) -> None:
+        if isinstance(report, Scene):
+            self._on_scene(report)
+
+    def _lost(self, tasks: frozenset[str], reason: str) -> None:
+        if SCENE in tasks:
+            self._on_lost(reason)

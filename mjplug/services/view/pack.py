@@ -1,0 +1,198 @@
+"""The drawing pack: everything that a client without MuJoCo needs to draw a model, except the poses."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from mjplug.services.view import meshes, png
+from mjplug.services.view.catalogue import catalogue, names, numbers
+from mjplug.services.view.container import Buffers
+from mjplug.services.view.moving import moving_bodies
+
+_OBJ = mujoco.mjtObj
+_GEOMS = {int(kind): name.removeprefix("mjGEOM_").lower() for name, kind in mujoco.mjtGeom.__members__.items()}
+_LIGHTS = {int(kind): name.removeprefix("mjLIGHT_").lower() for name, kind in mujoco.mjtLightType.__members__.items()}
+_TEXTURES = {int(kind): name.removeprefix("mjTEXTURE_").lower() for name, kind in mujoco.mjtTexture.__members__.items()}
+_MESH_TYPES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
+_HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_DEFAULT_RGBA = np.array((0.5, 0.5, 0.5, 1.0), np.float32)
+"""The colour that MuJoCo gives geoms and sites; with it, the colour of the material counts."""
+
+
+def build(model: mujoco.MjModel) -> bytes:
+    """Returns the drawing pack of a model, uncompressed; see `container.Buffers.pack` for the format.
+
+    Lengths are in m, orientations are quaternions with w first. Poses of geoms, sites, cameras and lights are relative
+    to their body. Geoms that are completely transparent and meshes that no geom uses are left out.
+    """
+    buffers = Buffers()
+    geoms, sites = _geoms(model), _sites(model)
+    used = {kind: sorted({geom[kind] for geom in geoms if kind in geom}) for kind in ("mesh", "hfield")}
+    return buffers.pack(
+        {
+            # The name of the model is the first of all names.
+            "name": model.names.partition(b"\0")[0].decode(),
+            "mujoco": mujoco.__version__,
+            **catalogue(model),
+            "bodies": _bodies(model),
+            "moving": moving_bodies(model).tolist(),
+            "geoms": geoms,
+            "sites": sites,
+            "cameras": _cameras(model),
+            "lights": _lights(model),
+            "materials": _materials(model),
+            "textures": [_texture(model, index, buffers) for index in range(model.ntex)],
+            "meshes": [meshes.mesh(model, index, buffers) for index in used["mesh"]],
+            "hfields": [meshes.hfield(model, index, buffers) for index in used["hfield"]],
+            "flexes": [meshes.flex(model, index, buffers) for index in range(model.nflex)],
+            "skins": [meshes.skin(model, index, buffers) for index in range(model.nskin)],
+            "vis": {group: _fields(getattr(model.vis, attribute)) for group, attribute in _VIS.items()},
+            "stat": _fields(model.stat),
+        }
+    )
+
+
+_VIS = {"global": "global_", "headlight": "headlight", "map": "map", "scale": "scale", "rgba": "rgba"}
+
+
+def _fields(section: Any) -> dict[str, Any]:
+    return {name: numbers(getattr(section, name)) for name in dir(section) if not name.startswith("_")}
+
+
+def _bodies(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return [
+        {
+            "name": name,
+            "parent": int(model.body_parentid[body]),
+            "root": int(model.body_rootid[body]),
+            "pos": numbers(data.xpos[body]),
+            "quat": numbers(data.xquat[body]),
+            "mass": float(model.body_mass[body]),
+            "mocap": bool(model.body_mocapid[body] >= 0),
+        }
+        for body, name in enumerate(names(model, _OBJ.mjOBJ_BODY, model.nbody))
+    ]
+
+
+def _rgba(model: mujoco.MjModel, own: Any, material: int) -> Any:
+    return model.mat_rgba[material] if material >= 0 and np.array_equal(own, _DEFAULT_RGBA) else own
+
+
+def _geoms(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    entries = []
+    for geom, name in enumerate(names(model, _OBJ.mjOBJ_GEOM, model.ngeom)):
+        material, kind, data = (int(a[geom]) for a in (model.geom_matid, model.geom_type, model.geom_dataid))
+        rgba = _rgba(model, model.geom_rgba[geom], material)
+        if rgba[3] <= 0.0:
+            continue
+        entry = {
+            "id": geom,
+            "name": name,
+            "body": int(model.geom_bodyid[geom]),
+            "type": _GEOMS[kind],
+            "size": numbers(model.geom_size[geom]),
+            "pos": numbers(model.geom_pos[geom]),
+            "quat": numbers(model.geom_quat[geom]),
+            "rgba": numbers(rgba),
+            "material": material,
+            "group": int(model.geom_group[geom]),
+        }
+        if data >= 0 and kind in _MESH_TYPES:
+            entry["mesh"] = data
+        elif data >= 0 and kind == _HFIELD:
+            entry["hfield"] = data
+        entries.append(entry)
+    return entries
+
+
+def _sites(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    return [
+        {
+            "id": site,
+            "name": name,
+            "body": int(model.site_bodyid[site]),
+            "type": _GEOMS[int(model.site_type[site])],
+            "size": numbers(model.site_size[site]),
+            "pos": numbers(model.site_pos[site]),
+            "quat": numbers(model.site_quat[site]),
+            "rgba": numbers(_rgba(model, model.site_rgba[site], int(model.site_matid[site]))),
+            "material": int(model.site_matid[site]),
+            "group": int(model.site_group[site]),
+        }
+        for site, name in enumerate(names(model, _OBJ.mjOBJ_SITE, model.nsite))
+    ]
+
+
+def _cameras(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "body": int(model.cam_bodyid[camera]),
+            "fovy": float(model.cam_fovy[camera]),
+            "resolution": numbers(model.cam_resolution[camera]),
+            "sensorsize": numbers(model.cam_sensorsize[camera]),
+            "intrinsic": numbers(model.cam_intrinsic[camera]),
+        }
+        for camera, name in enumerate(names(model, _OBJ.mjOBJ_CAMERA, model.ncam))
+    ]
+
+
+def _lights(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "body": int(model.light_bodyid[light]),
+            "type": _LIGHTS[int(model.light_type[light])],
+            "pos": numbers(model.light_pos[light]),
+            "dir": numbers(model.light_dir[light]),
+            "active": bool(model.light_active[light]),
+            "castshadow": bool(model.light_castshadow[light]),
+            "attenuation": numbers(model.light_attenuation[light]),
+            "cutoff": float(model.light_cutoff[light]),
+            "exponent": float(model.light_exponent[light]),
+            "ambient": numbers(model.light_ambient[light]),
+            "diffuse": numbers(model.light_diffuse[light]),
+            "specular": numbers(model.light_specular[light]),
+        }
+        for light, name in enumerate(names(model, _OBJ.mjOBJ_LIGHT, model.nlight))
+    ]
+
+
+def _materials(model: mujoco.MjModel) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "rgba": numbers(model.mat_rgba[material]),
+            "emission": float(model.mat_emission[material]),
+            "specular": float(model.mat_specular[material]),
+            "shininess": float(model.mat_shininess[material]),
+            "reflectance": float(model.mat_reflectance[material]),
+            "texture": _color_texture(model, material),
+            "texrepeat": numbers(model.mat_texrepeat[material]),
+            "texuniform": bool(model.mat_texuniform[material]),
+        }
+        for material, name in enumerate(names(model, _OBJ.mjOBJ_MATERIAL, model.nmat))
+    ]
+
+
+def _color_texture(model: mujoco.MjModel, material: int) -> int:
+    """Returns the index of a material's colour texture; -1 if it has none."""
+    role = mujoco.mjtTextureRole
+    roles = (int(role.mjTEXROLE_RGB), int(role.mjTEXROLE_RGBA))
+    return max(int(model.mat_texid[material][index]) for index in roles)
+
+
+def _texture(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
+    shape = tuple(int(a[index]) for a in (model.tex_height, model.tex_width, model.tex_nchannel))
+    start = int(model.tex_adr[index])
+    pixels = model.tex_data[start : start + shape[0] * shape[1] * shape[2]].reshape(shape)
+    return {
+        "name": names(model, _OBJ.mjOBJ_TEXTURE, index + 1)[index],
+        "type": _TEXTURES[int(model.tex_type[index])],
+        "width": shape[1],
+        "height": shape[0],
+        "png": buffers.file(png.encode(pixels)),
+    }

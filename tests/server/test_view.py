@@ -1,0 +1,158 @@
+"""The simulation view of a running server, as a Zenoh client without mjplug sees it."""
+
+import gzip
+import hashlib
+import json
+import queue
+import time
+
+import mujoco
+import numpy as np
+import pytest
+import zenoh
+from services.view_packs import EVERYTHING, Frame, Pack
+from wire.conftest import Client
+
+from mjplug import open_server
+from mjplug.services.view import drags
+from mjplug.wire.bytes_endpoints import MAX_OPEN_QUERIES
+
+STARTING = 60.0
+"""How long a worker process may take to start on a machine with other work [s]."""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "everything.xml"
+    path.write_text(EVERYTHING)
+    return path
+
+
+@pytest.fixture
+def server(scene):
+    with open_server(scene, paused=True) as opened:
+        yield opened
+
+
+@pytest.fixture
+def client(server):
+    opened = Client(server.endpoint)
+    yield opened
+    opened.close()
+
+
+def reply(client, key):
+    """The one reply to a query."""
+    (answer,) = client.session.get(key, timeout=STARTING)
+    return answer.ok
+
+
+def test_a_client_gets_the_description_the_scene_and_the_frames(server, client):
+    info = json.loads(bytes(reply(client, "mjplug/@view/info").payload))
+    assert info["paused"] is True
+    scene = reply(client, "mjplug/@view/scene")
+    packed = bytes(scene.payload)
+    assert scene.attachment.to_string() == hashlib.sha256(packed).hexdigest() == info["scene"]
+    header = Pack(gzip.decompress(packed)).header
+    frames = client.listen("mjplug/@view/frame")
+    frame = Frame(bytes(frames.get(timeout=STARTING).payload))
+    assert (frame.step, frame.flags) == (0, 1)
+    model = mujoco.MjModel.from_xml_string(EVERYTHING)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_array_equal(frame.bodies[:, :3], data.xpos[header["moving"]].astype(np.float32))
+    with server.client() as connection:
+        connection.call("~/step_simulation", steps=3)
+    while frame.step < 3:
+        frame = Frame(bytes(frames.get(timeout=STARTING).payload))
+    assert frame.time == 0.006
+
+
+def test_a_wildcard_reads_neither_scene_nor_frames(server, client):
+    seen = queue.SimpleQueue()
+    subscriber = client.session.declare_subscriber("**", seen.put)
+    frames = client.listen("mjplug/@view/frame")
+    frames.get(timeout=STARTING)
+    subscriber.undeclare()
+    while not seen.empty():
+        assert "@view" not in str(seen.get().key_expr)
+    answers = [*client.session.get("mjplug/@view/*", target=zenoh.QueryTarget.ALL, timeout=STARTING)]
+    assert {answer.err.payload.to_string() for answer in answers if answer.ok is None} == {
+        "query exactly mjplug/@view/info",
+        "query exactly mjplug/@view/scene",
+    }
+
+
+def test_queries_above_the_maximum_are_refused_and_the_others_are_answered(server, client):
+    replies = [client.session.get("mjplug/@view/scene", timeout=STARTING) for _ in range(MAX_OPEN_QUERIES + 20)]
+    answers = [answer for channel in replies for answer in channel]
+    assert len(answers) == MAX_OPEN_QUERIES + 20
+    packs = {bytes(answer.ok.payload) for answer in answers if answer.ok}
+    assert len(packs) == 1
+    refusals = {answer.err.payload.to_string() for answer in answers if not answer.ok}
+    assert refusals <= {"busy: 64 queries are waiting, which is the maximum; try again later"}
+
+
+@pytest.fixture
+def stepped(scene):
+    """A server that the test steps."""
+    with open_server(scene, run=False) as opened:
+        yield opened
+
+
+def step_until(server, condition):
+    """Takes steps, and returns when the condition is true."""
+    until = time.monotonic() + STARTING
+    while not condition():
+        assert time.monotonic() < until
+        server.step(1)
+
+
+def drag(client, **message):
+    client.session.put("mjplug/@view/drag", json.dumps({"viewer": "ann", "body": "hand", **message}))
+
+
+def test_a_viewer_pulls_a_body_and_lets_it_go(stepped):
+    client = Client(stepped.endpoint)
+    force = stepped.data.xfrc_applied
+    client.publisher("mjplug/@view/drag")
+    drag(client, target=[0.0, 0.0, 5.0])
+    step_until(stepped, force.any)
+    body = stepped.model.body("hand").id
+    assert force[body, 2] > 0.0
+    assert not np.delete(force, body, axis=0).any()
+    drag(client, release=True)
+    step_until(stepped, lambda: not force.any())
+    client.close()
+
+
+def test_a_viewer_that_falls_silent_lets_go(stepped):
+    client = Client(stepped.endpoint)
+    force = stepped.data.xfrc_applied
+    client.publisher("mjplug/@view/drag")
+    drag(client, target=[0.0, 0.0, 5.0])
+    step_until(stepped, force.any)
+    step_until(stepped, lambda: not force.any())
+    client.close()
+
+
+def test_a_viewer_whose_connection_ends_lets_go_at_once(stepped, monkeypatch):
+    monkeypatch.setattr(drags, "HOLD_TIME", 1000.0)
+    client = Client(stepped.endpoint)
+    force = stepped.data.xfrc_applied
+    token = client.session.liveliness().declare_token("mjplug/@view/viewer/ann")
+    client.publisher("mjplug/@view/drag")
+    drag(client, target=[0.0, 0.0, 5.0])
+    step_until(stepped, force.any)
+    client.close()
+    step_until(stepped, lambda: not force.any())
+    del token
+
+
+def test_too_large_a_message_is_refused(stepped, caplog):
+    client = Client(stepped.endpoint)
+    client.publisher("mjplug/@view/drag")
+    drag(client, target=[0.0, 0.0, 5.0], padding="x" * 5000)
+    step_until(stepped, lambda: "at most 4096 are accepted" in caplog.text)
+    assert not stepped.data.xfrc_applied.any()
+    client.close()
