@@ -119,8 +119,16 @@ def check(prepared: Prepared) -> None:
 
 def _size(simulation: Simulation) -> str:
     model = simulation.model
-    bodies = "1 body" if model.nbody == 2 else f"{model.nbody - 1} bodies"
-    return f"{bodies}, {model.nv} DOFs, {model.nu} actuators, {float(model.opt.timestep) * 1e3:g} ms steps"
+    counts = (
+        _counted(model.nbody - 1, "body", "bodies"),
+        _counted(model.nv, "DOF", "DOFs"),
+        _counted(model.nu, "actuator", "actuators"),
+    )
+    return f"{', '.join(counts)}, {float(model.opt.timestep) * 1e3:g} ms steps"
+
+
+def _counted(count: int, one: str, several: str) -> str:
+    return f"{count} {one if count == 1 else several}"
 
 
 @contextmanager
