@@ -84,7 +84,7 @@ class Server:
         while _readable(self.dump, _DUMP_TIME) and (part := os.read(self.dump, 65536)):
             text += part
         sentence = (
-            f"error: the server did not stop within {seconds:g} s and was ended: Python itself stood still, "
+            f"error: the server did not stop within {seconds:g} s, did not end itself either, and was ended; "
             f"{place(text.decode(errors='replace'), self.thread)}\n"
         )
         # Standard error may be a full pipe.
@@ -109,8 +109,8 @@ def place(dump: str, thread: int) -> str:
         head, _, rest = block.strip().partition("\n")
         if f"0x{thread:016x}" in head and rest:
             innermost = rest.partition("\n")[0].strip()
-            return f"with the GIL kept in: {innermost}"
-    return "after its last line of Python: a library did not end"
+            return f"its physics thread was in: {innermost}"
+    return "its Python code had ended, so a library did not end"
 
 
 def _readable(descriptor: int, within: float) -> bool:
