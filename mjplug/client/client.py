@@ -109,12 +109,14 @@ class Client(Graph):
         full, topic, kind = self._choose(name, type, raw=True)
         subscription: Subscription[Any] = Subscription(full, kind, depth, callback)
         key = f"{names.key(full)}/@json" if kind is dict else names.key(full)
+        # A callback of the subscription may close the client.
+        session = self.session
         with self._lock:
             kept = topic.depth if topic is not None and topic.latched else 0
-            subscription.open(self.session, key, kept if history is None else history)
+            subscription.open(session, key, kept if history is None else history)
             self._subscriptions = [*(s for s in self._subscriptions if not s.closed), subscription]
         if topic is not None and not topic.latched:
-            await_publishers(self.session, topic.publishers, key)
+            await_publishers(session, topic.publishers, key)
         return subscription
 
     def publisher(self, name: str, type: Any = None) -> Publisher[Any]:

@@ -61,7 +61,7 @@ def test_types_and_defaults_are_those_of_a_configuration_file(capsys):
     text = shown(capsys, f"{__name__}:Parent")
     assert text.partition("Parameters:\n")[2] == (
         """\
-  names (list of text, default [])
+  names (list of string, default [])
       Names.
   corner (list of 2 times number, default [0.5, 1.0])
       A corner [m].
@@ -69,7 +69,7 @@ def test_types_and_defaults_are_those_of_a_configuration_file(capsys):
       A limit [m].
   mode (slow | fast, default "slow")
       A mode.
-  label (text, optional)
+  label (string, optional)
       A label.
   count (integer, default 3)
       A count.

@@ -57,8 +57,8 @@ def test_a_table_has_the_simulation_the_plugins_and_the_topics():
         "push               12        0        7.5  ok",
         "",
         "TOPIC WITH SUBSCRIBERS  MESSAGES/S",
-        "/clock                            100",
-        "/tf                                50",
+        "/clock                         100",
+        "/tf                             50",
     ]
     assert [line.level for line in table if line.level] == [1]
     assert [line.text.split()[0] for line in table if line.heading] == ["PLUGIN", "TOPIC"]

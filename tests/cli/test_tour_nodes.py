@@ -78,7 +78,7 @@ def test_a_parameter_is_set(tour):
         (7, ("set", "~", "sim.speed", "-1"), "it must be a number from 0.001 to 1000, or 'max', not -1.0"),
         (7, ("set", "~", "model", "other.xml"), "it is read-only"),
         (2, ("set", "~", "model", "{a: 1}"), "'{a: 1}' is not the value of a parameter"),
-        (2, ("set", "~", "model", "[1, a]"), "is not a bool, a number, a text, or a list of values of one of these"),
+        (2, ("set", "~", "model", "[1, a]"), "is not a bool, a number, a string, or a list of values of one type"),
     ],
 )
 def test_what_is_wrong_with_a_parameter_is_a_sentence(tour, code, words, sentence):

@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from mjplug.client import ClientError, connect
+from mjplug.client import client as client_module
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String
 
@@ -83,6 +84,18 @@ def test_a_callback_may_close_the_client(server):
     subscription = client.subscribe("/clock", Clock, callback)
     assert done.wait(TIMEOUT)
     assert subscription.closed
+
+
+def test_a_callback_may_close_the_client_before_publishers_are_awaited(server, monkeypatch):
+    client = connect(server.endpoint)
+    wait = client_module.await_publishers
+
+    def closed_first(*arguments):
+        client.close()
+        wait(*arguments)
+
+    monkeypatch.setattr(client_module, "await_publishers", closed_first)
+    assert client.subscribe("/clock", Clock, lambda message: None).closed
 
 
 def test_timeouts_can_be_infinite_but_not_negative(client):

@@ -204,7 +204,7 @@ def test_a_subscription_outlives_a_restart_of_its_server(tmp_path):
             TimedOutError, match=r"/mjplug/set_pause did not answer; its server /mjplug may have stopped"
         ):
             client.call("~/set_pause", paused=False)
-        with pytest.raises(NoServerError, match=r"no mjplug server is on the network of tcp/\S+ any more"):
+        with pytest.raises(NoServerError, match=r"no mjplug server is left on the network of tcp/\S+"):
             client.call("~/set_pause", paused=False)
         # Its time is zero.
         second = Served("bundled:box", "--paused", cwd=tmp_path, listen=listen)

@@ -15,6 +15,7 @@ class ByteTransport:
     def __init__(self):
         self.open_calls = OpenCalls()
         self.doors, self.inlets, self.interfaces = {}, {}, []
+        self.bytes_subscriptions = {}
         self.published = 0
 
     def open_publisher(self, topic, on_matched=None):
@@ -29,6 +30,18 @@ class ByteTransport:
         key = service.name[1:]
         self.interfaces.append(Interface("service", key, key, service.type.TYPE, service.type.Request))
         self.doors[key] = ServiceServer(service, deliver, self.open_calls)
+
+    def open_bytes_publisher(self, key, encoding, on_matched):
+        return EncodingPublisher(self)
+
+    def open_bytes_subscription(self, key, limit, deliver):
+        self.bytes_subscriptions[key] = limit, deliver
+
+    def open_bytes_queryable(self, key, deliver):
+        pass
+
+    def watch_leaving(self, keys, left):
+        pass
 
 
 class EncodingPublisher:
