@@ -43,7 +43,14 @@ def _start(transport: Transport) -> tuple[Callable[[], float], Publisher[Any]]:
     bodies = "".join(f'<body name="body_{i}" pos="{i} 0 1"><freejoint/><geom size=".1"/></body>' for i in range(BODIES))
     simulation = Simulation(mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"))
     simulation.data.qvel[:] = np.random.default_rng(0).normal(size=simulation.model.nv)
-    host = TimedHost("free_joints", Loop(simulation), transport, lambda name: name, OfflineWorkerPool(), Diagnostics())
+    host = TimedHost(
+        "free_joints",
+        Loop(simulation),
+        transport,
+        lambda name: name.replace("{ns}", ""),
+        OfflineWorkerPool(),
+        Diagnostics(),
+    )
     FreeJointStatePublisher().init(host, FreeJointStatePublisherParameters(topic=TOPIC, publish_rate=1000.0))
 
     def publish() -> float:

@@ -85,7 +85,12 @@ def _model() -> mujoco.MjModel:
 def _host(transport: Transport) -> tuple[TimedHost, Loop]:
     loop = Loop(Simulation(_model()))
     return TimedHost(
-        "joints", loop, transport, lambda name: f"/{name.lstrip('/')}", OfflineWorkerPool(), Diagnostics()
+        "joints",
+        loop,
+        transport,
+        lambda name: f"/{name.removeprefix('{ns}').lstrip('/')}",
+        OfflineWorkerPool(),
+        Diagnostics(),
     ), loop
 
 
