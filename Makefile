@@ -6,8 +6,9 @@ RUN := $(VENV)/bin
 READY := $(VENV)/.ready
 export UV_PROJECT_ENVIRONMENT := $(VENV)
 export UV_PYTHON_DOWNLOADS := never
-# Number of test processes. Each runs complete modules, because the tests of a module share servers and folders.
-TEST_PROCESSES ?= auto
+# Number of test processes: one more than processors, because many tests wait. Each process runs complete modules,
+# because the tests of a module share servers and folders.
+TEST_PROCESSES ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
 .PHONY: help setup demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
 

@@ -52,6 +52,16 @@ def worker_of(server):
     return worker
 
 
+def await_matched(client, *keys):
+    """Waits until the server has matched subscribers.
+
+    On a busy machine, Zenoh reports a subscriber to the server later than a request that follows it.
+    """
+    for key in keys:
+        answer = client.send(f"mjplug/interfaces?subscribed={key}").answer()
+        assert answer.json == {"key": key, "subscribed": True}
+
+
 @pytest.mark.usefixtures("gl")
 def test_in_lockstep_every_image_arrives_with_its_state_s_time(serve):
     server = serve("sync: true, camera_publish_rate: 10")
@@ -61,10 +71,7 @@ def test_in_lockstep_every_image_arrives_with_its_state_s_time(serve):
             for topic in ("color", "depth", "camera_info", "color/compressed")
         }
         json = client.listen("cameras/eye/camera_info/@json")
-        # On a busy machine, Zenoh reports a subscriber to the server later than a request that follows it.
-        for key in (*(f"cameras/eye/{topic}" for topic in heard), "cameras/eye/camera_info/@json"):
-            answer = client.send(f"mjplug/interfaces?subscribed={key}").answer()
-            assert answer.json == {"key": key, "subscribed": True}
+        await_matched(client, *(f"cameras/eye/{topic}" for topic in heard), "cameras/eye/camera_info/@json")
         client.do("mjplug/step_simulation", steps=120)
         for stamp in (100_000_000, 200_000_000):
             color, depth = (Image.from_cdr(heard[t].sample(STARTING).payload.to_bytes()) for t in ("color", "depth"))
@@ -101,6 +108,7 @@ def test_in_lockstep_requests_are_answered_while_a_process_is_started_again(serv
     server = serve("sync: true, camera_publish_rate: 10, job_timeout: 2")
     with Client(server.endpoint) as client:
         color = client.listen("cameras/eye/color")
+        await_matched(client, "cameras/eye/color")
         client.do("mjplug/step_simulation", steps=50)
         color.sample(STARTING)
         os.kill(worker_of(server), number)
