@@ -6,8 +6,9 @@ import typer
 
 from mjplug.cli.connected import connected
 from mjplug.cli.examples import examples
-from mjplug.cli.names import complete_message_type, complete_topic
+from mjplug.cli.names import complete_message_type
 from mjplug.cli.output import say, say_json
+from mjplug.cli.topic_arguments import TopicName
 from mjplug.cli.topic_echo import echo
 from mjplug.cli.topic_pub import pub
 from mjplug.cli.topic_rates import bw, delay, hz
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from mjplug.client import Client
 
 app = typer.Typer(name="topic", help="Lists, shows, measures and publishes topics.", no_args_is_help=True)
-
-TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)]
 
 
 @app.command("list", epilog=examples("mjplug topic list -t", "mjplug topic list -e tcp/robot.local:7447"))

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from mjplug.cli.connected import connected
-from mjplug.cli.names import complete_message_type, complete_topic
 from mjplug.cli.output import Format, complain, say
 from mjplug.cli.qos import QosDepth, QosDurability, QosHistory, QosProfile, QosReliability, qos_of
+from mjplug.cli.topic_arguments import MessageType, TopicName
 
 if TYPE_CHECKING:
     from mjplug.cli.field_path import FieldPath
@@ -43,15 +43,8 @@ def kind_of(client: "Client", topic: str, type: str | None) -> Any:
 @connected
 def echo(
     client: "Client",
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)],
-    type: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="TYPE",
-            help="Type of the topic. Default: as the server reports it.",
-            autocompletion=complete_message_type,
-        ),
-    ] = None,
+    topic: TopicName,
+    type: MessageType = None,
     once: Annotated[bool, typer.Option("--once", help="Exit after the first message.")] = False,
     count: Annotated[
         int | None, typer.Option("-n", "--count", min=1, metavar="COUNT", help="Exit after this many messages.")

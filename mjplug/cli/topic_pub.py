@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mjplug.cli.connected import connected
-from mjplug.cli.names import complete_message_type, complete_topic
 from mjplug.cli.output import say
+from mjplug.cli.topic_arguments import MessageType, TopicName
 from mjplug.cli.topic_echo import kind_of
 
 if TYPE_CHECKING:
@@ -17,15 +17,8 @@ if TYPE_CHECKING:
 @connected
 def pub(
     client: "Client",
-    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)],
-    type: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="TYPE",
-            help="Type of the topic. Default: as the server reports it.",
-            autocompletion=complete_message_type,
-        ),
-    ] = None,
+    topic: TopicName,
+    type: MessageType = None,
     values: Annotated[
         str | None,
         typer.Argument(

@@ -7,13 +7,13 @@ import typer
 
 from mjplug.cli.connected import connected
 from mjplug.cli.names import complete_topic
+from mjplug.cli.topic_arguments import TopicName
 
 if TYPE_CHECKING:
     import zenoh
 
     from mjplug.client import Client
 
-TopicName = Annotated[str, typer.Argument(metavar="TOPIC", help="Name of the topic.", autocompletion=complete_topic)]
 TopicNames = Annotated[
     list[str],
     typer.Argument(metavar="TOPIC...", help="The names of one or more topics.", autocompletion=complete_topic),
