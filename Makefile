@@ -10,7 +10,7 @@ export UV_PYTHON_DOWNLOADS := never
 # because the tests of a module share servers and folders.
 TEST_PROCESSES ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
-.PHONY: help setup demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
+.PHONY: help setup page page-check demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
 
 FUZZ_COUNT ?= 100000
 FUZZ_SEED ?= 0
@@ -31,6 +31,18 @@ setup: $(READY) ## Creates .venv with the packages in uv.lock.
 $(READY): pyproject.toml uv.lock $(filter .uv/bin/uv,$(UV))
 	@$(UV) sync --quiet --locked --python $(PYTHON)
 	@touch $@
+
+page: mjplug/view/page/page.js ## Builds the page of `mjplug view`; requires Node.js >= 20.
+
+page/node_modules/.package-lock.json: page/package.json page/package-lock.json
+	@cd page && npm ci --silent
+	@touch $@
+
+mjplug/view/page/page.js: page/node_modules/.package-lock.json page/build.mjs $(shell find page/src -type f)
+	@cd page && node build.mjs
+
+page-check: page/node_modules/.package-lock.json ## Checks format, lint rules and types of the page, and runs its unit tests.
+	@cd page && npm run --silent check && npm run --silent test
 
 demo: $(READY) ## Serves a model, pushes it from a second process, and prints the motion.
 	@$(RUN)/python examples/run.py 00_push_a_box
@@ -91,3 +103,4 @@ release: $(READY) ## Builds sdist and wheel in dist, and tests both outside this
 
 clean: ## Removes all generated files.
 	rm -rf .venv .uv typings .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build dist
+	rm -rf page/node_modules mjplug/view/page

@@ -1,0 +1,19 @@
+import type { Selection } from "./interface/selection.ts";
+import type { Settings } from "./interface/settings.ts";
+import type { Shell } from "./interface/shell.ts";
+import type { Stage } from "./scene/stage.ts";
+import type { Source } from "./wire/source.ts";
+
+/** What the features of the page share. Each feature is a module with `install(app)`. */
+export interface App {
+  /** Poses, topics and services. */
+  readonly source: Source;
+  /** The 3D scene. */
+  readonly stage: Stage;
+  /** Toolbar, panels, shortcuts and notices. */
+  readonly shell: Shell;
+  /** What the user chose; kept in the browser. */
+  readonly settings: Settings;
+  /** The selected body. */
+  readonly selection: Selection;
+}
