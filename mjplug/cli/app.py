@@ -25,6 +25,7 @@ from mjplug.cli.service import app as service_app
 from mjplug.cli.sim import app as sim_app
 from mjplug.cli.top import top
 from mjplug.cli.topic import app as topic_app
+from mjplug.cli.view import view
 from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
 
@@ -61,6 +62,13 @@ for group in (
     topic_app, service_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app,
 ):  # fmt: skip
     app.add_typer(group)
+app.command(
+    epilog=examples(
+        "mjplug view",
+        "mjplug view --connect tcp/192.168.1.20:7447 --node /robot1/mjplug",
+        "mjplug view --listen 0.0.0.0 --read-only      (lets other machines look)",
+    )
+)(view)
 app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
 app.command(
     epilog=examples(

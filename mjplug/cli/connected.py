@@ -13,20 +13,24 @@ from mjplug.cli.names import complete_node
 if TYPE_CHECKING:
     from mjplug.client import Client
 
-_SHARED = {
-    "connect": (
-        Annotated[
-            str | None,
-            typer.Option(
-                "--connect",
-                "-e",
-                metavar="ENDPOINT",
-                envvar="MJPLUG_CONNECT",
-                help="Endpoint of the server, as in its `ready` line.  [default: tcp/127.0.0.1:7447]",
-            ),
-        ],
-        None,
+Endpoint = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        "-e",
+        metavar="ENDPOINT",
+        envvar="MJPLUG_CONNECT",
+        help="Endpoint of the server, as in its `ready` line.  [default: tcp/127.0.0.1:7447]",
     ),
+]
+
+ZenohConfig = Annotated[
+    str | None,
+    typer.Option("--zenoh-config", metavar="FILE", help="A Zenoh configuration file: TLS, passwords and so on."),
+]
+
+_SHARED = {
+    "connect": (Endpoint, None),
     "wait": (
         Annotated[
             float,
@@ -48,15 +52,7 @@ _SHARED = {
         ],
         "",
     ),
-    "zenoh_config": (
-        Annotated[
-            str | None,
-            typer.Option(
-                "--zenoh-config", metavar="FILE", help="A Zenoh configuration file: TLS, passwords and so on."
-            ),
-        ],
-        None,
-    ),
+    "zenoh_config": (ZenohConfig, None),
 }
 
 

@@ -1,0 +1,118 @@
+"""`mjplug view`: the simulation in a browser."""
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from mjplug.cli.connected import Endpoint, ZenohConfig
+from mjplug.cli.interrupt import exit_on_interrupt
+from mjplug.cli.names import complete_node
+from mjplug.cli.output import complain, say
+from mjplug.errors import MjplugError
+
+_DEFAULT_PORT = 8080
+
+
+def view(
+    connect: Endpoint = None,
+    node: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--node",
+            metavar="NAME",
+            help="Show only this server, such as /robot1/mjplug. Repeatable. Default: all servers of the network.",
+            autocompletion=complete_node,
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help="Port of the page; 0 means any free port.  [default: 8080, or the next free one]"
+        ),
+    ] = None,
+    listen: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address of this machine to listen on; 0.0.0.0 lets other machines in, with the token in the URL.",
+        ),
+    ] = "127.0.0.1",
+    origin: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--origin",
+            metavar="URL",
+            help="Accept the page from a reverse proxy at this origin: https://example.org. Repeatable.",
+        ),
+    ] = None,
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Only show: no drags, no messages, no services that change anything.")
+    ] = False,
+    open_browser: Annotated[
+        bool | None,
+        typer.Option(
+            "--open/--no-open",
+            show_default=False,
+            help="Open the page in a browser.  [default: if this is a terminal on a desktop]",
+        ),
+    ] = None,
+    wait: Annotated[
+        float | None,
+        typer.Option(min=0.0, metavar="SECONDS", help="How long to wait for a server.  [default: without limit]"),
+    ] = None,
+    zenoh_config: ZenohConfig = None,
+) -> None:
+    """Shows the simulation in a browser, from any machine.
+
+    Serves a page with the servers of a network until Ctrl-C. It needs neither MuJoCo nor a graphics card.
+    """
+    with exit_on_interrupt():
+        _import_websockets()
+        from mjplug.log import logging_to_stderr
+        from mjplug.view.listening import listen as listen_on
+        from mjplug.view.relay import Options
+        from mjplug.view.server import Connecting, serve_view
+
+    nodes = tuple(f"/{name.removeprefix('/')}" for name in node or ())
+    options = Options(nodes, read_only, tuple(origin or ()))
+    wanted = _DEFAULT_PORT if port is None else port
+    listening = listen_on(listen, wanted)
+    if wanted not in (0, listening.port):
+        complain(f"port {wanted} is in use, so the page is at port {listening.port}")
+
+    def ready(url: str) -> None:
+        say(f"ready · {url}")
+        _open(url, open_browser)
+
+    connecting = Connecting(connect, zenoh_config, float("inf") if wait is None else wait, _say_waiting)
+    with logging_to_stderr(0):
+        serve_view(connecting, listening, options, ready)
+
+
+def _say_waiting(reason: str) -> None:
+    complain(f"waiting for a server: {reason}")
+
+
+def _import_websockets() -> None:
+    try:
+        import websockets.asyncio.server  # noqa: F401
+    except ImportError:
+        raise MjplugError(
+            "mjplug view needs websockets 14 or later. Install it with: pip install 'mjplug[view]'"
+        ) from None
+
+
+def _open(url: str, wanted: bool | None) -> None:
+    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    desktop = sys.platform in ("darwin", "win32") or bool(display)
+    if wanted is False or (wanted is None and not (desktop and sys.stdout is not None and sys.stdout.isatty())):
+        return
+    if not desktop:
+        complain("there is no desktop (DISPLAY and WAYLAND_DISPLAY are not set), so no browser was opened")
+        return
+    import webbrowser
+
+    if not webbrowser.open(url):
+        complain("no browser was found; open the page yourself")

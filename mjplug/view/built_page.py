@@ -1,0 +1,79 @@
+"""The files of the page, which `make page` builds from the sources in `page/`."""
+
+import gzip
+import hashlib
+import mimetypes
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).with_name("page")
+"""Where the built page is."""
+
+MISSING = (
+    "the page has not been built; run `make page` in the folder of mjplug's source, or install mjplug from a wheel, "
+    "which contains it"
+)
+
+_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".txt": "text/plain"}
+_MIN_COMPRESSED = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """A file of the page.
+
+    Attributes:
+        content: Its content.
+        compressed: Its content, compressed with gzip; None if that is no use.
+        type: Its content type.
+        tag: Its entity tag.
+    """
+
+    content: bytes
+    compressed: bytes | None
+    type: str
+    tag: str
+
+
+class BuiltPage:
+    """The files of the page, read again after they have changed.
+
+    Args:
+        folder: Where they are.
+    """
+
+    def __init__(self, folder: Path = FOLDER) -> None:
+        self._folder = folder
+        self._cached: dict[str, tuple[int, PageFile]] = {}
+
+    @property
+    def built(self) -> bool:
+        """Whether there is a page."""
+        return (self._folder / "index.html").is_file()
+
+    def find(self, name: str) -> PageFile | None:
+        """Returns a file by its path relative to the folder, such as `page.js`; None if there is none.
+
+        The path is compared with those of the existing files, so it cannot lead out of the folder.
+        """
+        for path in self._folder.rglob("*"):
+            if path.relative_to(self._folder).as_posix() == name and path.is_file():
+                return self._read(name, path)
+        return None
+
+    def _read(self, name: str, path: Path) -> PageFile:
+        changed = path.stat().st_mtime_ns
+        cached = self._cached.get(name)
+        if cached is not None and cached[0] == changed:
+            return cached[1]
+        content = path.read_bytes()
+        kind = _TYPES.get(path.suffix) or mimetypes.guess_type(name)[0] or "application/octet-stream"
+        text = kind.startswith("text/")
+        file = PageFile(
+            content,
+            gzip.compress(content, mtime=0) if text and len(content) >= _MIN_COMPRESSED else None,
+            f"{kind}; charset=utf-8" if text else kind,
+            f'"{hashlib.sha256(content).hexdigest()[:32]}"',
+        )
+        self._cached[name] = changed, file
+        return file

@@ -1,0 +1,99 @@
+"""What all pages share of one Zenoh network."""
+
+import json
+from collections.abc import Callable, Collection
+
+import zenoh
+
+from mjplug.client.errors import ClientError, WrongTypeError
+from mjplug.client.types import find
+from mjplug.view.definitions import with_nested
+from mjplug.view.feeds import Feeds
+from mjplug.view.handoff import Handoff
+from mjplug.view.queries import ask
+from mjplug.view.scenes import Scenes
+from mjplug.view.servers import Server, Servers
+from mjplug.view.watching import Watched
+from mjplug.wire.discovery.announced import interfaces_key
+from mjplug_schemas.definition import definition
+
+_TYPES_TIMEOUT = 5.0
+"""Timeout of the query for the types of a server [s]."""
+
+
+class Network:
+    """Servers, subscriptions and drawing packs. Event loop only.
+
+    Attributes:
+        session: The session.
+        servers: The servers.
+        feeds: The subscriptions.
+        scenes: The drawing packs.
+
+    Args:
+        session: An open session, which is not closed here.
+        handoff: Calls functions on the event loop.
+        chosen: The full names of the servers to show; empty means all.
+        on_change: Called when a server has appeared or left.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        handoff: Handoff,
+        chosen: Collection[str],
+        on_change: Callable[[], None],
+    ) -> None:
+        self.session = session
+        self.feeds = Feeds(session, handoff)
+        self.scenes = Scenes(session)
+        self._watched: dict[int, Watched] = {}
+        self._on_change = on_change
+        self.servers = Servers(session, handoff, chosen, self._changed)
+
+    def watched(self, server: Server) -> Watched:
+        """Returns what pages watch of a server."""
+        if server.id not in self._watched:
+            self._watched[server.id] = Watched(server, self.session, self.feeds, self.scenes)
+        return self._watched[server.id]
+
+    def all_watched(self) -> list[Watched]:
+        """Returns what pages watch or have watched, of all servers."""
+        return list(self._watched.values())
+
+    async def definition(self, type: str) -> str:
+        """Returns the definition of a type that only servers know, with nested types.
+
+        Raises:
+            WrongTypeError: No server knows the type.
+        """
+        types: dict[str, str] = {}
+        for server, _ in await self.servers.interfaces():
+            types |= await self._types(server)
+        if type not in types:
+            # Raises an error that suggests a similar name.
+            find(type)
+        return with_nested(types[type], lambda name: types[name] if name in types else definition(find(name)))
+
+    def close(self) -> None:
+        """Ends all subscriptions and queries; the session stays open."""
+        self.servers.close()
+        for watched in self._watched.values():
+            watched.close()
+        self.feeds.close()
+        self.scenes.close()
+
+    async def _types(self, server: Server) -> dict[str, str]:
+        try:
+            answer = await ask(self.session, f"{interfaces_key(server.name)}?schema=true", _TYPES_TIMEOUT)
+            entries = json.loads(answer)["types"]
+            return {str(name): str(entry["definition"]) for name, entry in entries.items()}
+        except ClientError:
+            return {}
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise WrongTypeError(f"{server.name} sent a list of types that cannot be read: {error!r}") from None
+
+    def _changed(self, server: Server) -> None:
+        if server.id in self._watched:
+            self._watched[server.id].server_changed()
+        self._on_change()
