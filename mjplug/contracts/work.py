@@ -32,11 +32,13 @@ class Job:
         time_ns: Simulated time of the state [ns]; the time stamp of all messages made from it.
         epoch: Number of resets before the state.
         tasks: Names of the tasks; the plugin chooses them.
+        context: The value that was given to `submit` with the state.
     """
 
     time_ns: int
     epoch: int
     tasks: frozenset[str]
+    context: Any = None
 
 
 class Work(ABC):
@@ -178,7 +180,7 @@ class Worker(Protocol):
     def status(self) -> WorkerStatus:
         """State and counters, for diagnostics."""
 
-    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False, context: Any = None) -> None:
         """Submits a job: tasks to perform with the current state.
 
         It never waits. If the worker is `sync`, the server takes no further step until the job is done or lost, but
@@ -190,6 +192,8 @@ class Worker(Protocol):
             tasks: Names of the tasks.
             answered: Whether a client gets a response when the job is done. The client may have subscribed just before,
                 so the process first waits until it has matched all subscribers that the server has matched now.
+            context: A small picklable value that belongs to the state. Like the state, a newer one replaces one that
+                waits.
         """
 
     def stop(self) -> None:

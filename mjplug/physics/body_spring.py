@@ -9,6 +9,9 @@ from mjplug.errors import RequestError
 from mjplug.physics.frames import Array, compose, rotate
 from mjplug.physics.simulation import Simulation
 
+Grip = tuple[int, tuple[float, ...] | None, tuple[float, ...] | None, tuple[float, ...] | None]
+"""The body's id, the point in its frame [m], the position of the target [m] and orientation, w first."""
+
 _TRANSLATE, _ROTATE = int(mujoco.mjtPertBit.mjPERT_TRANSLATE), int(mujoco.mjtPertBit.mjPERT_ROTATE)
 
 
@@ -42,6 +45,8 @@ class BodySpring:
         self._simulation = simulation
         self._body = body
         self._local = np.array(local, np.float64)
+        self._point = _tuple(local)
+        self._grip: Grip = (body, self._point, None, None)
         self._force = simulation.data.xfrc_applied[body]
         self._target: Array | None = None
         self._quat: Array | None = None
@@ -50,6 +55,11 @@ class BodySpring:
         self._perturbation.flexselect = -1
         self._perturbation.localpos = self._local
         self._perturbation.localmass = self._mass() if self.dynamic else 1.0
+
+    @property
+    def grip(self) -> Grip:
+        """What is pulled, and where to."""
+        return self._grip
 
     def set(self, target: Sequence[float] | None, quat: Sequence[float] | None) -> None:
         """Sets the target from the next step on.
@@ -62,6 +72,7 @@ class BodySpring:
         model, perturbation = self._simulation.model, self._perturbation
         self._target = None if target is None else np.array(target, np.float64)
         self._quat = None if quat is None else np.array(quat, np.float64)
+        self._grip = (self._body, self._point, _tuple(target), _tuple(quat))
         perturbation.active = 0
         if self._target is not None:
             perturbation.active |= _TRANSLATE
@@ -104,3 +115,7 @@ class BodySpring:
         mujoco.mj_solveM(model, data, accelerations, jacobian)
         inverse = float((jacobian * accelerations).sum())
         return 3.0 / max(inverse, mujoco.mjMINVAL) if inverse else 1.0
+
+
+def _tuple(values: Sequence[float] | None) -> tuple[float, ...] | None:
+    return None if values is None else tuple(map(float, values))

@@ -73,7 +73,7 @@ class OfflineWorker:
     def __init__(self) -> None:
         self.status = WorkerStatus()
 
-    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False, context: Any = None) -> None:
         """Does nothing."""
 
     def stop(self) -> None:

@@ -52,7 +52,7 @@ class InlineWorker:
             self.status.state = "running"
             inbox.post(lambda: spec.on_ready(said))
 
-    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False, context: Any = None) -> None:
         """Copies the current state, and performs the job unless `hold` was called."""
         wanted = frozenset(tasks)
         if self.status.state == "unavailable":
@@ -65,7 +65,7 @@ class InlineWorker:
             before = self._waiting[0].tasks
             self.status.dropped = dict(Counter(self.status.dropped) + Counter(wanted & before))
             wanted |= before
-        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted), state
+        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted, context), state
         if not self._hold:
             self._perform()
 

@@ -163,10 +163,12 @@ def _open(pipes: _Pipes, environment: ChildEnvironment, logger: logging.Logger) 
 
 
 def _perform_jobs(pipes: _Pipes, runner: "ChildRunner", logger: logging.Logger) -> int:
+    from mjplug.contracts.work import Job  # noqa: PLC0415 - imports MuJoCo
+
     while (message := pipes.receive()) is not None:
-        slot, matched, lag, time_ns, epoch, tasks = unpack(message)
+        slot, matched, lag, time_ns, epoch, tasks, context = unpack(message)
         try:
-            pipes.send(Done(runner.perform(slot, time_ns, epoch, tasks, matched, lag)))
+            pipes.send(Done(runner.perform(slot, Job(time_ns, epoch, frozenset(tasks), context), matched, lag)))
         except Exception as error:
             logger.exception("performing %s failed", ", ".join(sorted(tasks)) or "a job")
             # A new process has a new GL context; with a broken context, all later jobs would fail too.

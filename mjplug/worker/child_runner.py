@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import monotonic
 from typing import Any
@@ -72,22 +72,18 @@ class ChildRunner:
         self._writers = [writer for publisher in publishers for writer in publisher.writers]
         return setup.work.open(self._model, publishers, logger)
 
-    def perform(
-        self, slot: int, time_ns: int, epoch: int, tasks: Iterable[str], matched: Sequence[bool], lag: float
-    ) -> Any:
+    def perform(self, slot: int, job: Job, matched: Sequence[bool], lag: float) -> Any:
         """Performs a job with the state in a slot; returns the result of `Work.perform`.
 
         Args:
             slot: Index of the slot with the state.
-            time_ns: Simulated time of the state [ns].
-            epoch: Number of resets before the state.
-            tasks: Names of the tasks.
+            job: The job.
             matched: For each writer of the publishers, in order, whether it has a subscriber in the server's process.
             lag: Maximum time to wait until this process has matched the same subscribers [s].
         """
         self._wait_for_matches(matched, lag)
         snapshot.load(self._model, self._data, self._slots[slot])
-        return self._setup.work.perform(self._data, Job(time_ns, epoch, frozenset(tasks)))
+        return self._setup.work.perform(self._data, job)
 
     def close(self) -> None:
         """Closes the work and the session."""

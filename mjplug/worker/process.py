@@ -72,7 +72,7 @@ class WorkerProcess:
         """Sends a job to a ready process; returns False if the process has ended. See `ChildRunner.perform`."""
         try:
             # A tuple of plain values, because pickling a dataclass takes ten times as long on the physics thread.
-            write(self._input, pack((slot, matched, lag, job.time_ns, job.epoch, tuple(job.tasks))))
+            write(self._input, pack((slot, matched, lag, job.time_ns, job.epoch, tuple(job.tasks), job.context)))
         except OSError:
             return False
         return True

@@ -119,14 +119,14 @@ class WorkerSupervisor:
         """The name of the spec."""
         return self._spec.name
 
-    def submit(self, tasks: Iterable[str], answered: bool = False) -> None:
+    def submit(self, tasks: Iterable[str], answered: bool = False, context: Any = None) -> None:
         """Submits a job with the current state; see `mjplug.contracts.work.Worker`."""
         simulation, names = self._simulation, frozenset(tasks)
         if answered:
             self._awaited.update(names)
             for writer in self._writers:
                 writer.refresh_matched()
-        if not self._jobs.put(simulation.time_ns, simulation.epoch, names):
+        if not self._jobs.put(simulation.time_ns, simulation.epoch, names, context):
             self._post_lost(names, self.status.reason)
         elif self._spec.sync:
             # This does not wait here: the loop takes no steps, but serves requests.

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 import zenoh
-from services.view_packs import EVERYTHING, Frame, Pack
+from services.view_packs import EVERYTHING, Frame, Pack, State
 from wire.conftest import Client
 
 from mjplug import open_server
@@ -68,6 +68,24 @@ def test_a_client_gets_the_description_the_scene_and_the_frames(server, client):
     assert frame.time == 0.006
 
 
+def test_a_client_with_mujoco_gets_the_model_and_the_states(server, client):
+    answer = reply(client, "mjplug/@view/model")
+    assert answer.attachment.to_string() == mujoco.__version__
+    model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": gzip.decompress(bytes(answer.payload))})
+    states = client.listen("mjplug/@view/state")
+    state = State(bytes(states.get(timeout=STARTING).payload))
+    assert (state.step, state.flags) == (0, 1)
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    assert len(state.values) == mujoco.mj_stateSize(model, kind)
+    with server.client() as connection:
+        connection.call("~/step_simulation", steps=3)
+    while state.step < 3:
+        state = State(bytes(states.get(timeout=STARTING).payload))
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, state.values, kind)
+    assert data.time == state.time == 0.006
+
+
 def test_a_wildcard_reads_neither_scene_nor_frames(server, client):
     seen = queue.SimpleQueue()
     subscriber = client.session.declare_subscriber("**", seen.put)
@@ -79,6 +97,7 @@ def test_a_wildcard_reads_neither_scene_nor_frames(server, client):
     answers = [*client.session.get("mjplug/@view/*", target=zenoh.QueryTarget.ALL, timeout=STARTING)]
     assert {answer.err.payload.to_string() for answer in answers if answer.ok is None} == {
         "query exactly mjplug/@view/info",
+        "query exactly mjplug/@view/model",
         "query exactly mjplug/@view/scene",
     }
 

@@ -8,7 +8,7 @@ from time import perf_counter
 import mujoco
 import numpy as np
 import pytest
-from services.view_packs import EVERYTHING, Frame, Pack
+from services.view_packs import EVERYTHING, Frame, Pack, State
 
 from mjplug.services.view import feed, service
 from mjplug.services.view.moving import moving_bodies
@@ -196,6 +196,100 @@ def test_the_description_names_the_scene_the_model_and_the_state_of_the_simulati
     view.world.reset()
     info = json.loads(view.ask("info")[0][0])
     assert (info["epoch"], info["paused"]) == (1, True)
+
+
+def test_a_scene_that_takes_longer_than_the_worker_lingers_is_made_nevertheless():
+    view = View()
+    publisher = view.world.transport.bytes_publishers["lab/mjplug/@view/overlay/frames"]
+    publisher.matched = True
+    publisher.on_matched()
+    view.world.step(0)
+    view.now = max(view.now, perf_counter())
+    view.pass_time(0.1)
+    publisher.matched = False
+    view.worker.hold()
+    assert view.ask("scene") == []
+    view.pass_time(5 * feed.LINGER)
+    assert not view.worker.stopped
+    query = Query()
+    view.world.transport.queryables["lab/mjplug/@view/model"](query)
+    view.worker.release()
+    view.world.step(0)
+    view.world.step(0)
+    view.now = max(view.now, perf_counter())
+    assert len(view.ask("scene")) == len(query.answers) == 1
+    view.pass_time(feed.LINGER + 1.0)
+    assert view.worker.stopped
+    assert view.loop.wall_timers.next_due == float("inf")
+
+
+def test_a_scene_that_cannot_be_made_is_refused_and_the_worker_ends(view):
+    view.match()
+    view.pass_time(0.1)
+    view.worker.hold()
+    view.publisher.matched = False
+    query = Query()
+    view.world.transport.queryables["lab/mjplug/@view/scene"](query)
+    view.world.step(0)
+    view.worker.spec.on_lost(frozenset({"scene", "model"}), "out of memory")
+    assert query.answers == ["the drawing pack cannot be made: out of memory"]
+    view.now = max(view.now, perf_counter())
+    view.pass_time(2 * feed.LINGER)
+    assert view.worker.stopped
+
+
+def test_the_saved_model_is_the_compiled_model_and_names_the_version(view):
+    ((payload, encoding, version),) = view.ask("model")
+    assert (encoding, version) == ("application/gzip", mujoco.__version__)
+    saved = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": gzip.decompress(payload)})
+    ours = view.world.model
+    assert (saved.nq, saved.nbody, saved.names) == (ours.nq, ours.nbody, ours.names)
+    np.testing.assert_array_equal(saved.geom_size, ours.geom_size)
+    assert view.ask("model") == [(payload, encoding, version)]
+    assert view.worker.status.performed == 1
+
+
+def test_a_state_is_that_of_the_simulation_and_is_sent_only_while_it_has_a_subscriber(view):
+    states = view.world.transport.bytes_publishers["lab/mjplug/@view/state"]
+    view.world.data.qvel[:] = np.linspace(-1.0, 1.0, view.world.model.nv)
+    view.world.data.ctrl[:] = 0.25
+    view.world.step(50)
+    view.match()
+    view.pass_time(0.1)
+    assert states.payloads == []
+    states.matched = True
+    states.on_matched()
+    view.world.step(1)
+    view.now = max(view.now, perf_counter())
+    view.loop.pause()
+    view.pass_time(0.02)
+    state = State(states.payloads[-1])
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    expected = np.empty(mujoco.mj_stateSize(view.world.model, kind))
+    mujoco.mj_getState(view.world.model, view.world.data, expected, kind)
+    np.testing.assert_array_equal(state.values, expected)
+    assert (state.step, state.epoch, state.flags) == (51, 0, 1)
+    assert state.time == pytest.approx(0.102)
+
+
+def test_the_perturbation_shows_what_a_viewer_drags(view):
+    shown = view.world.transport.bytes_publishers["lab/mjplug/@view/overlay/perturbation"]
+    view.loop.pause()
+    shown.matched = True
+    shown.on_matched()
+    view.world.step(0)
+    view.now = max(view.now, perf_counter())
+    view.pass_time(0.02)
+    drag = view.world.transport.bytes_subscriptions["lab/mjplug/@view/drag"]
+    drag(json.dumps({"viewer": "ann", "body": "hand", "target": [0.5, 0.0, 2.0]}).encode())
+    view.world.step(0)
+    view.pass_time(0.05)
+    counts = [int.from_bytes(payload[12:16], "little") for payload in shown.payloads]
+    assert (counts[0], counts[-1]) == (0, 3)
+    drag(json.dumps({"viewer": "ann", "release": True}).encode())
+    view.world.step(0)
+    view.pass_time(0.05)
+    assert int.from_bytes(shown.payloads[-1][12:16], "little") == 0
 
 
 def test_an_overlay_is_made_only_while_it_has_a_subscriber(view):

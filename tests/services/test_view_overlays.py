@@ -38,8 +38,8 @@ def data(model):
     return data
 
 
-def shapes(model, data, kind):
-    payload = overlays.OverlayWriter(model).write(data, kind, 1.5, 2)
+def shapes(model, data, kind, grips=()):
+    payload = overlays.OverlayWriter(model).write(data, kind, 1.5, 2, grips)
     time, epoch, count = struct.unpack_from("<dII", payload)
     assert (time, epoch, len(payload)) == (1.5, 2, 16 + 68 * count)
     return np.frombuffer(payload, SHAPE, offset=16)
@@ -85,9 +85,32 @@ def test_inertia_is_a_shape_at_the_centre_of_mass_of_each_moving_body(model, dat
 
 @pytest.mark.parametrize("kind", list(overlays.KINDS))
 def test_every_kind_draws_something_and_no_body(model, data, kind):
-    drawn = shapes(model, data, kind)
+    grips = [(model.body("ball").id, (0.0, 0.0, 0.1), (1.0, 0.0, 1.0), None)]
+    drawn = shapes(model, data, kind, grips)
     assert len(drawn)
     assert not np.isin(drawn["type"], (GEOM.mjGEOM_PLANE, GEOM.mjGEOM_MESH)).any()
+
+
+def test_a_perturbation_is_a_line_from_the_dragged_point_to_the_target(model, data):
+    arm = model.body("arm").id
+    grips = [
+        (model.body("ball").id, (0.0, 0.0, 0.1), (1.0, 0.0, 2.0), None),
+        (arm, (0.0, 0.0, 0.0), None, (0, 1, 0, 0)),
+    ]
+    line, target, point, box, origin = shapes(model, data, "perturbation", grips)
+    start, end = data.body("ball").xpos + (0.0, 0.0, 0.1), np.array((1.0, 0.0, 2.0))
+    np.testing.assert_allclose(line["pos"], (start + end) / 2, atol=1e-6)
+    np.testing.assert_allclose(line["size"][2], np.linalg.norm(end - start) / 2, rtol=1e-5)
+    np.testing.assert_allclose([target["pos"], point["pos"]], [end, start], atol=1e-6)
+    # The body that is turned has a box with the orientation that it is turned to.
+    assert box["type"] == GEOM.mjGEOM_LINEBOX
+    np.testing.assert_allclose(box["pos"], data.xipos[arm], atol=1e-6)
+    turned, wanted, quat = np.empty(9), np.empty(4), np.array((0.0, 1.0, 0.0, 0.0))
+    mujoco.mju_mulQuat(wanted, quat, model.body_iquat[arm])
+    mujoco.mju_quat2Mat(turned, wanted)
+    np.testing.assert_allclose(box["mat"], turned, atol=1e-6)
+    np.testing.assert_allclose(origin["pos"], data.xpos[arm], atol=1e-6)
+    assert len(shapes(model, data, "perturbation")) == 0
 
 
 def test_an_empty_model_has_empty_overlays():

@@ -94,6 +94,29 @@ def test_a_height_field_and_a_cloth_have_the_values_of_the_model(model, pack):
     assert cloth["vertices"] == 12
 
 
+def test_a_flex_has_the_texture_coordinates_that_mujoco_draws():
+    model = mujoco.MjModel.from_xml_string("""
+<mujoco><asset><texture name="checks" type="2d" builtin="checker" width="8" height="8"/>
+  <material name="checked" texture="checks"/></asset>
+  <worldbody>
+    <flexcomp name="sheet" type="grid" count="2 3 1" radius=".01" dim="2" material="checked"><edge equality="true"/>
+    </flexcomp>
+    <flexcomp name="block" type="grid" count="3 3 3" radius=".01" dim="3" material="checked"><edge equality="true"/>
+    </flexcomp>
+    <flexcomp name="plain" type="grid" count="2 3 1" radius=".01" dim="2"><edge equality="true"/></flexcomp>
+  </worldbody></mujoco>""")
+    pack = Pack(build(model))
+    sheet, block, plain = pack.header["flexes"]
+    corners, uv = pack.array(sheet["uv_elements"]), pack.array(sheet["uv"])
+    np.testing.assert_array_equal(uv[corners][0], model.flex_texcoord[model.flex_elemtexcoord[:3]])
+    assert corners.shape == pack.array(sheet["elements"]).shape
+    np.testing.assert_array_equal(uv.max(axis=0), [1.0, 1.0])
+    np.testing.assert_array_equal(pack.array(block["uv_elements"]), pack.array(block["elements"]))
+    first = model.flex_texcoordadr[1]
+    np.testing.assert_array_equal(pack.array(block["uv"]), model.flex_texcoord[first : first + 27])
+    assert "uv" not in plain
+
+
 def test_bodies_that_can_move_are_named_and_the_others_are_not(model, pack):
     names = [pack.header["bodies"][body]["name"] for body in pack.header["moving"]]
     assert names[:5] == ["arm", "hand", "ball", "ghost", "ghost_child"]

@@ -76,3 +76,12 @@ class Frame:
         self.bodies = values[: 7 * bodies].reshape(bodies, 7)
         self.cameras = values[7 * bodies :][: 12 * cameras].reshape(cameras, 12)
         self.vertices = values[7 * bodies + 12 * cameras :].reshape(vertices, 3)
+
+
+class State:
+    """A state, taken apart."""
+
+    def __init__(self, content):
+        self.time, self.wall_time, self.epoch, self.step, self.flags, _, count = struct.unpack_from("<ddIIHHI", content)
+        self.values = np.frombuffer(content, "<f8", offset=32)
+        assert len(self.values) == count

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from mjplug.errors import RequestError
-from mjplug.physics.body_spring import BodySpring
+from mjplug.physics.body_spring import BodySpring, Grip
 from mjplug.physics.loop import Loop
 from mjplug.services.view.drag_message import DragMessage, parse
 from mjplug.throttle import Throttle
@@ -56,6 +56,11 @@ class Drags:
         self._refusals = Throttle(_REPORT_INTERVAL)
         self._timer = loop.wall_timers.create(self._check)
         loop.steppers.add(self)
+
+    @property
+    def grips(self) -> tuple[Grip, ...]:
+        """What is dragged, and where to. Physics thread."""
+        return tuple(hold.spring.grip for hold in self._holds.values() if hold.spring is not None)
 
     def receive(self, payload: bytes) -> None:
         """Takes a message; the next boundary between steps handles it. Any thread."""

@@ -1,13 +1,15 @@
 """Starts the view's worker process when somebody looks, gives it a state per frame, and ends it afterwards."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import Any
 
 from mjplug.contracts.transport import BytesPublisher
 from mjplug.contracts.work import Job, Worker, WorkerPool, WorkerSpec
+from mjplug.physics.body_spring import Grip
 from mjplug.physics.loop import Loop
-from mjplug.services.view.work import PAUSE, SCENE, STREAMS, Scene, ViewWork
+from mjplug.services.view.overlays import PERTURBATION
+from mjplug.services.view.work import MODEL, SCENE, STREAMS, Context, Report, ViewWork
 
 FRAME_PERIOD = 1.0 / 60.0
 """Minimum wall time between two frames [s]."""
@@ -30,8 +32,9 @@ class Feed:
         workers: Runs the worker process.
         open_publisher: Declares the publisher of one of `STREAMS`; it also gets the function to call for the first
             subscriber.
-        on_scene: Called with the drawing pack when it has been made.
-        on_lost: Called with the reason when the drawing pack cannot be made.
+        grips: Returns what viewers drag.
+        on_made: Called with the drawing pack and with the saved model when they have been made.
+        on_lost: Called with the task and the reason when one of them cannot be made.
     """
 
     def __init__(
@@ -39,18 +42,21 @@ class Feed:
         loop: Loop,
         workers: WorkerPool,
         open_publisher: Callable[[str, Callable[[], None]], BytesPublisher],
-        on_scene: Callable[[Scene], None],
-        on_lost: Callable[[str], None],
+        grips: Callable[[], tuple[Grip, ...]],
+        on_made: Callable[[Report], None],
+        on_lost: Callable[[str, str], None],
     ) -> None:
         self._loop = loop
         self._workers = workers
-        self._on_scene = on_scene
+        self._grips = grips
+        self._on_made = on_made
         self._on_lost = on_lost
         self._timer = loop.wall_timers.create(self._tick)
         self._worker: Worker | None = None
         self._used = 0.0
         self._sent = 0.0
         self._last: object = None
+        self._requested: set[str] = set()
         self._publishers = {name: open_publisher(name, lambda: loop.inbox.post(self._matched)) for name in STREAMS}
 
     @property
@@ -58,10 +64,11 @@ class Feed:
         """Whether there is a worker process."""
         return self._worker is not None
 
-    def request_scene(self) -> None:
-        """Lets the worker make the drawing pack."""
+    def request(self, task: str) -> None:
+        """Lets the worker make the drawing pack (`work.SCENE`) or save the model (`work.MODEL`)."""
         self._used = perf_counter()
-        self._started().submit((SCENE,))
+        self._requested.add(task)
+        self._started().submit((task,), context=self._context(()))
         if self._timer.due > self._used + LINGER:
             self._timer.set(self._used + LINGER)
 
@@ -75,6 +82,9 @@ class Feed:
             self._used = now
             self._send(now, wanted)
             self._timer.set(now + FRAME_PERIOD)
+        elif self._requested:
+            # On a busy machine, making the drawing pack of a large model takes longer than `LINGER`.
+            self._timer.set(now + LINGER)
         elif now - self._used < LINGER:
             self._timer.set(self._used + LINGER)
         elif self._worker is not None:
@@ -83,13 +93,17 @@ class Feed:
 
     def _send(self, now: float, wanted: list[str]) -> None:
         """Submits the present state for some streams if it has changed, or if the last one is `STILL_PERIOD` old."""
-        state = self._state()
+        context = self._context(wanted)
+        state = *self._state(), context
         if state == self._last and now - self._sent < STILL_PERIOD:
             return
         self._last, self._sent = state, now
-        self._started().submit([*wanted, PAUSE] if self._loop.paused else wanted)
+        self._started().submit(wanted, context=context)
 
-    def _state(self) -> object:
+    def _context(self, wanted: Sequence[str]) -> Context:
+        return self._loop.paused, self._grips() if f"overlay/{PERTURBATION}" in wanted else ()
+
+    def _state(self) -> tuple[object, ...]:
         """Returns a value that changes with the poses."""
         loop, simulation = self._loop, self._loop.simulation
         if not loop.paused:
@@ -116,10 +130,18 @@ class Feed:
             self._worker = self._workers.start(spec, self._loop.simulation, self._loop.inbox)
         return self._worker
 
-    def _done(self, job: Job, report: Any) -> None:
-        if isinstance(report, Scene):
-            self._on_scene(report)
+    def _done(self, job: Job, reports: Any) -> None:
+        self._made(job.tasks)
+        for report in reports:
+            self._on_made(report)
 
     def _lost(self, tasks: frozenset[str], reason: str) -> None:
-        if SCENE in tasks:
-            self._on_lost(reason)
+        self._made(tasks)
+        for task in (SCENE, MODEL):
+            if task in tasks:
+                self._on_lost(task, reason)
+
+    def _made(self, tasks: frozenset[str]) -> None:
+        if not self._requested.isdisjoint(tasks):
+            self._requested -= tasks
+            self._used = perf_counter()

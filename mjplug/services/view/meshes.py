@@ -65,17 +65,26 @@ def flex(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
     else:
         start, number = model.flex_shelldataadr[index], model.flex_shellnum[index] * dim
         elements = model.flex_shell[start : start + number].reshape(-1, dim)
-    return {
+    entry = {
         "id": index,
         "dim": dim,
         "first_vertex": int(model.flex_vertadr[index]),
         "vertices": count,
-        "elements": buffers.array(elements.astype(np.uint16 if count <= 1 << 16 else np.uint32)),
+        "elements": buffers.array(smallest(elements, count).reshape(elements.shape)),
         "radius": float(model.flex_radius[index]),
         "rgba": numbers(model.flex_rgba[index]),
         "material": int(model.flex_matid[index]),
         "group": int(model.flex_group[index]),
     }
+    first = int(model.flex_texcoordadr[index])
+    # Like MuJoCo's renderer: the surface of tetrahedra has one texture coordinate for each vertex.
+    surface = dim == _SURFACE_DIM
+    corners = model.flex_elemtexcoord[start : start + number].reshape(elements.shape) if surface else elements
+    used = int(corners.max(initial=-1)) + 1
+    if dim >= _SURFACE_DIM and first >= 0 and first + used <= len(model.flex_texcoord):
+        entry["uv"] = buffers.array(model.flex_texcoord[first : first + used])
+        entry["uv_elements"] = buffers.array(smallest(corners, used).reshape(corners.shape))
+    return entry
 
 
 def skin(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:

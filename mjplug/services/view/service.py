@@ -7,16 +7,17 @@ from functools import partial
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Transport
 from mjplug.contracts.work import WorkerPool
 from mjplug.physics.loop import Loop
+from mjplug.services.view.answers import MadeOnce
 from mjplug.services.view.drag_message import MAX_BYTES
 from mjplug.services.view.drags import Drags
 from mjplug.services.view.feed import Feed
-from mjplug.services.view.work import Scene
+from mjplug.services.view.work import MODEL, SCENE, Report, SavedModel, Scene
 
 _BYTES, _JSON, _GZIP = "application/octet-stream", "application/json", "application/gzip"
 
 
 def offer(loop: Loop, transport: Transport, workers: WorkerPool, key: str, plugins: Mapping[str, str]) -> None:
-    """Declares `info`, `scene`, `frame`, `overlay/<kind>` and `drag`.
+    """Declares `info`, `scene`, `model`, `frame`, `state`, `overlay/<kind>` and `drag`.
 
     Call it before plugins start, so that their forces are added to those of drags.
 
@@ -28,83 +29,67 @@ def offer(loop: Loop, transport: Transport, workers: WorkerPool, key: str, plugi
         plugins: Type of each plugin instance, by instance name.
     """
     view = f"{key}/@view"
-    answers = _Answers(loop, key, plugins)
+    scene: MadeOnce[Scene] = MadeOnce(loop.inbox, "drawing pack")
+    model: MadeOnce[SavedModel] = MadeOnce(loop.inbox, "saved model")
+    info = _Info(loop, key, plugins)
+    drags = Drags(loop)
+
+    def made(report: Report) -> None:
+        if isinstance(report, Scene):
+            scene.made(report)
+        else:
+            model.made(report)
+
     feed = Feed(
         loop,
         workers,
         lambda name, on_matched: transport.open_bytes_publisher(f"{view}/{name}", _BYTES, on_matched),
-        answers.scene_made,
-        answers.scene_lost,
+        lambda: drags.grips,
+        made,
+        lambda task, reason: scene.lost(reason) if task == SCENE else model.lost(reason),
     )
+    request_scene = partial(feed.request, SCENE)
 
-    def answer(query: BytesQuery, info: bool) -> None:
-        # Without the physics thread, once the scene has been made.
-        if not answers.reply(query, info):
-            loop.inbox.post(lambda: answers.wait(query, info, feed))
+    def reply_info(query: BytesQuery, value: Scene) -> None:
+        query.reply(info.describe(value), _JSON)
 
-    transport.open_bytes_queryable(f"{view}/info", partial(answer, info=True))
-    transport.open_bytes_queryable(f"{view}/scene", partial(answer, info=False))
+    def reply_scene(query: BytesQuery, value: Scene) -> None:
+        query.reply(value.pack, _GZIP, value.sha256)
+
+    def reply_model(query: BytesQuery, value: SavedModel) -> None:
+        query.reply(value.mjb, _GZIP, value.mujoco)
+
+    transport.open_bytes_queryable(f"{view}/info", lambda query: scene.answer(query, reply_info, request_scene))
+    transport.open_bytes_queryable(f"{view}/scene", lambda query: scene.answer(query, reply_scene, request_scene))
+    request_model = partial(feed.request, MODEL)
+    transport.open_bytes_queryable(f"{view}/model", lambda query: model.answer(query, reply_model, request_model))
     publisher = transport.open_bytes_publisher(f"{view}/info", _JSON, lambda: None)
-    loop.on_second.append(lambda now: answers.publish_changes(publisher))
-    drags = Drags(loop)
+    loop.on_second.append(lambda now: info.publish_changes(publisher, scene.value))
     transport.open_bytes_subscription(f"{view}/drag", MAX_BYTES, drags.receive)
     transport.watch_leaving(f"{view}/viewer/*", lambda token: drags.left(token.rpartition("/")[2]))
 
 
-class _Answers:
-    """Answers queries for `info` and `scene`; those before the drawing pack has been made wait for it."""
+class _Info:
+    """The description of the model and of the state of the simulation."""
 
     def __init__(self, loop: Loop, key: str, plugins: Mapping[str, str]) -> None:
         self._loop = loop
         self._key = key
         self._plugins = dict(plugins)
-        self._scene: Scene | None = None
-        self._waiting: list[tuple[BytesQuery, bool]] = []
         self._published: object = None
 
-    def reply(self, query: BytesQuery, info: bool) -> bool:
-        """Answers a query if the scene has been made; returns whether it was. Any thread."""
-        scene = self._scene
-        if scene is None:
-            return False
-        if info:
-            query.reply(self._info(scene), _JSON)
-        else:
-            query.reply(scene.pack, _GZIP, scene.sha256)
-        return True
-
-    def wait(self, query: BytesQuery, info: bool, feed: Feed) -> None:
-        """Answers a query now, or lets it wait for the scene. Physics thread."""
-        if self.reply(query, info):
-            return
-        self._waiting.append((query, info))
-        if len(self._waiting) == 1:
-            feed.request_scene()
-
-    def scene_made(self, scene: Scene) -> None:
-        """Answers the queries that wait."""
-        self._scene = scene
-        waiting, self._waiting = self._waiting, []
-        for query, info in waiting:
-            self.reply(query, info)
-
-    def scene_lost(self, reason: str) -> None:
-        """Refuses the queries that wait."""
-        waiting, self._waiting = self._waiting, []
-        for query, _ in waiting:
-            query.refuse(f"the drawing pack cannot be made: {reason}")
-
-    def publish_changes(self, publisher: BytesPublisher) -> None:
+    def publish_changes(self, publisher: BytesPublisher, scene: Scene | None) -> None:
         """Publishes the description if it has changed apart from the time, and has a subscriber. Physics thread."""
-        if self._scene is None or not publisher.matched:
+        if scene is None or not publisher.matched:
             return
         loop = self._loop
         state = loop.simulation.epoch, loop.paused, loop.pacer.speed
         if state != self._published:
             self._published = state
-            publisher.put(self._info(self._scene))
+            publisher.put(self.describe(scene))
 
-    def _info(self, scene: Scene) -> bytes:
+    def describe(self, scene: Scene) -> bytes:
+        """Returns the description, in JSON. Any thread."""
         loop = self._loop
         info = {
             "name": f"/{self._key}",
