@@ -140,6 +140,7 @@ export const OVERLAY_KINDS = [
   "inertia",
   "rangefinders",
   "frames",
+  "perturbation",
 ] as const;
 export type OverlayKind = (typeof OVERLAY_KINDS)[number];
 
