@@ -1,4 +1,5 @@
 import type { Selection } from "./interface/selection.ts";
+import type { Servers } from "./interface/servers.ts";
 import type { Settings } from "./interface/settings.ts";
 import type { Shell } from "./interface/shell.ts";
 import type { Stage } from "./scene/stage.ts";
@@ -12,6 +13,8 @@ export interface App {
   readonly stage: Stage;
   /** Toolbar, panels, shortcuts and notices. */
   readonly shell: Shell;
+  /** Which servers are shown, and which one the toolbar controls. */
+  readonly servers: Servers;
   /** What the user chose; kept in the browser. */
   readonly settings: Settings;
   /** The selected body. */

@@ -1,25 +1,25 @@
 import "./style.css";
 import type { App } from "./app.ts";
+import { install as installControl } from "./interface/control.ts";
+import { install as installServers } from "./interface/serverpicker.ts";
+import { install as installStatus } from "./interface/status.ts";
 import { install as installTheme } from "./interface/themebutton.ts";
 import { Selection } from "./interface/selection.ts";
+import { Servers } from "./interface/servers.ts";
 import { Settings } from "./interface/settings.ts";
 import { Shell } from "./interface/shell.ts";
 import { Stage } from "./scene/stage.ts";
 import { Relay } from "./wire/relay.ts";
 
 /** Each feature adds itself to the page; the order is that of their controls. */
-const features: ((app: App) => void)[] = [installTheme];
+const features: ((app: App) => void)[] = [installServers, installControl, installStatus, installTheme];
 
 const socket = new URL("socket", document.baseURI);
 socket.protocol = socket.protocol.replace("http", "ws");
 const source = new Relay(socket);
 const settings = new Settings("mjplug.");
 const shell = new Shell(document.body, settings);
-const app: App = { source, shell, stage: new Stage(shell.stageElement, source), settings, selection: new Selection() };
+const stage = new Stage(shell.stageElement, source);
+const servers = new Servers(source, stage, settings);
+const app: App = { source, shell, stage, servers, settings, selection: new Selection() };
 for (const install of features) install(app);
-source.listen({
-  onServers: (servers) => {
-    const first = servers.find(({ connected }) => connected);
-    if (first !== undefined) source.watch(first.id, true);
-  },
-});
