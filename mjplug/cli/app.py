@@ -23,6 +23,7 @@ from mjplug.cli.router import router
 from mjplug.cli.serve import serve
 from mjplug.cli.service import app as service_app
 from mjplug.cli.sim import app as sim_app
+from mjplug.cli.teleop import teleop
 from mjplug.cli.top import top
 from mjplug.cli.topic import app as topic_app
 from mjplug.cli.view import view
@@ -70,6 +71,13 @@ app.command(
     )
 )(view)
 app.command(epilog=examples("mjplug top", "mjplug top --once", "mjplug top --server /robot1/mjplug"))(top)
+app.command(
+    epilog=examples(
+        "mjplug teleop",
+        "mjplug teleop /cmd_vel --speed 0.3 --turn 0.8",
+        "mjplug teleop /diff_drive_controller/cmd_vel --stamped      (a topic of another program)",
+    )
+)(teleop)
 app.command(
     epilog=examples(
         "mjplug router",

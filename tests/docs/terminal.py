@@ -45,7 +45,9 @@ class Command:
     @property
     def talks(self) -> bool:
         """Whether it needs a running server."""
-        connecting = self.words[1] in ("topic", "service", "node", "param", "sim", "top") or "--quick" in self.words
+        connecting = (
+            self.words[1] in ("topic", "service", "node", "param", "sim", "top", "teleop") or "--quick" in self.words
+        )
         return self.words[0] == "mjplug" and connecting
 
     @property

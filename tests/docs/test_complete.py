@@ -144,7 +144,8 @@ def commands(group=None, words=()):
 
 
 def flags_of(command):
-    return {flag for parameter in command.params for flag in parameter.opts if flag.startswith("-")} | {"--help", "-h"}
+    options = [flag for parameter in command.params for flag in (*parameter.opts, *parameter.secondary_opts)]
+    return {flag for flag in options if flag.startswith("-")} | {"--help", "-h"}
 
 
 def test_every_flag_of_serve_has_a_row_and_there_are_no_others():
@@ -181,7 +182,7 @@ def test_every_command_has_a_section_with_its_arguments_and_flags(name):
 
 def test_a_command_that_talks_to_a_server_has_the_options_for_it():
     for name, command in commands():
-        if name.split()[0] in ("topic", "service", "node", "param", "sim", "top"):
+        if name.split()[0] in ("topic", "service", "node", "param", "sim", "top", "teleop"):
             assert set(SHARED) <= flags_of(command), name
 
 
