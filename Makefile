@@ -10,7 +10,7 @@ export UV_PYTHON_DOWNLOADS := never
 # because the tests of a module share servers and folders.
 TEST_PROCESSES ?= $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
 
-.PHONY: help setup page page-check demo serve test test-slow test-all check format bench fuzz soak docs docs-test version release clean
+.PHONY: help setup page page-check demo serve test test-slow test-all check format msgs bench fuzz soak docs docs-test version release clean
 
 FUZZ_COUNT ?= 100000
 FUZZ_SEED ?= 0
@@ -74,6 +74,9 @@ format: $(READY) ## Formats the code.
 	@$(RUN)/ruff check --quiet --fix-only .
 	@$(RUN)/ruff format --quiet .
 
+msgs: $(READY) ## Writes the ROS package mjplug_msgs into msgs_ros2 from the schemas.
+	@$(RUN)/python .ci/msgs.py
+
 bench: $(READY) ## Runs the benchmarks and writes docs/benchmarks.md.
 	@$(RUN)/python -m benchmarks
 
@@ -94,9 +97,9 @@ docs-test: $(READY) ## Runs every code block in README and docs.
 version: $(READY) ## Sets the version in every file that contains it: make version VERSION=0.2.0
 	@test -n "$(VERSION)" || { echo "say which: make version VERSION=0.2.0"; exit 1; }
 	@$(UV) version --quiet --no-sync $(VERSION)
-	@sed -i.old 's|<version>.*</version>|<version>$(VERSION)</version>|' bridge_ros2/package.xml
+	@sed -i.old 's|<version>.*</version>|<version>$(VERSION)</version>|' bridge_ros2/package.xml msgs_ros2/package.xml
 	@sed -i.old 's|^version: .*|version: $(VERSION)|' CITATION.cff
-	@rm bridge_ros2/package.xml.old CITATION.cff.old
+	@rm bridge_ros2/package.xml.old msgs_ros2/package.xml.old CITATION.cff.old
 
 release: $(READY) ## Builds sdist and wheel in dist, and tests both outside this folder.
 	@PATH="$(dir $(abspath $(UV))):$$PATH" $(RUN)/python .ci/release.py

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(#[^)\s]*)?\)")
 INFO = re.compile(r"( *```\w+) (.+)")
 SOURCE = re.compile(
-    r"\[([^\]]+)\]\((?:\.\./)+((?:tests|benchmarks|bridge_ros2|mjplug|plugins|schemas)(?:/[\w./-]*)?)\)"
+    r"\[([^\]]+)\]\((?:\.\./)+((?:tests|benchmarks|bridge_ros2|msgs_ros2|mjplug|plugins|schemas)(?:/[\w./-]*)?)\)"
 )
 FENCE = re.compile(r"^( *```.*?^ *```)$", re.MULTILINE | re.DOTALL)
 

@@ -47,6 +47,10 @@ def test_the_ros_package_has_the_version_of_the_project():
     assert shown.stdout.split()[-1] == PROJECT["version"]
 
 
+def test_the_package_of_messages_has_the_version_of_the_project():
+    assert ElementTree.parse(ROOT / "msgs_ros2" / "package.xml").findtext("version") == PROJECT["version"]
+
+
 def test_the_lock_file_has_the_version_of_the_project():
     packages = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
     assert [package["version"] for package in packages if package["name"] == "mjplug"] == [PROJECT["version"]]

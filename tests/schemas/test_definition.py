@@ -123,6 +123,8 @@ class AddTwoInts(Service, package="example_interfaces"):
 
 
 def test_every_type_has_the_hash_that_ros_gives_it(interface):
+    if interface.TYPE.startswith("mjplug_msgs/"):
+        pytest.skip("ROS does not contain this package; its messages are compared with rosbags below")
     if interface.TYPE in HASHES:
         assert type_hash(interface) == HASHES[interface.TYPE]
     else:
@@ -226,8 +228,8 @@ def test_an_unknown_type_is_explained(name, hint):
     assert isinstance(caught.value, UnknownType)
     assert str(caught.value) == (
         f"unknown type {name!r}{hint}; known packages: builtin_interfaces, control_msgs, diagnostic_msgs, "
-        "geometry_msgs, mujoco_ros2_control_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, service_msgs, "
-        "std_msgs, std_srvs, tf2_msgs, trajectory_msgs, type_description_interfaces, visualization_msgs"
+        "geometry_msgs, mjplug_msgs, mujoco_ros2_control_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, "
+        "service_msgs, std_msgs, std_srvs, tf2_msgs, trajectory_msgs, type_description_interfaces, visualization_msgs"
     )
 
 
