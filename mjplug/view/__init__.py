@@ -2,3 +2,7 @@
 
 It needs Zenoh, `mjplug_schemas` and `websockets` (the extra `view`), and imports neither MuJoCo nor numpy.
 """
+
+from mjplug.view.notebook import InlineView, view
+
+__all__ = ["InlineView", "view"]

@@ -3,9 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from mjplug.client.errors import ClientError, WrongTypeError
+from mjplug.client.errors import ClientError
 from mjplug.client.types import known
-from mjplug.view.definitions import message_definition
 from mjplug.view.network import Network
 from mjplug.view.outbox import MAX_SAMPLES, Outbox, SampleSlot, Slot
 from mjplug.view.values import shown
@@ -115,7 +114,7 @@ class Channels:
         if mode not in MODES:
             raise ClientError(f"mode is {shown(mode)}; it must be one of: {', '.join(MODES)}")
         topic = await self._network.servers.topic(self._network.servers.resolve(name, server))
-        definition = await self._definition(topic.type)
+        definition = (await self._network.definitions(topic.type))["definition"]
         # After the last wait, so that a page cannot exceed the limit with requests at the same time.
         if len(self._open) >= MAX_CHANNELS:
             raise ClientError(f"{MAX_CHANNELS} topics are subscribed to, which is the maximum")
@@ -161,12 +160,6 @@ class Channels:
         if not self._suspended:
             self.suspend()
         self._open.clear()
-
-    async def _definition(self, type: str) -> str:
-        try:
-            return message_definition(type)
-        except WrongTypeError:
-            return await self._network.definition(type)
 
     def _number(self) -> int:
         while True:

@@ -7,7 +7,7 @@ import zenoh
 
 from mjplug.client.errors import ClientError, WrongTypeError
 from mjplug.client.types import find
-from mjplug.view.definitions import with_nested
+from mjplug.view.definitions import definitions, with_nested
 from mjplug.view.feeds import Feeds
 from mjplug.view.handoff import Handoff
 from mjplug.view.queries import ask
@@ -61,19 +61,26 @@ class Network:
         """Returns what pages watch or have watched, of all servers."""
         return list(self._watched.values())
 
-    async def definition(self, type: str) -> str:
-        """Returns the definition of a type that only servers know, with nested types.
+    async def definitions(self, type: str) -> dict[str, str]:
+        """Returns `definition` of a message type, or `request` and `response` of a service type, with nested types.
 
         Raises:
-            WrongTypeError: No server knows the type.
+            WrongTypeError: Neither `mjplug_schemas` nor a server knows the type.
         """
-        types: dict[str, str] = {}
-        for server, _ in await self.servers.interfaces():
-            types |= await self._types(server)
-        if type not in types:
-            # Raises an error that suggests a similar name.
-            find(type)
-        return with_nested(types[type], lambda name: types[name] if name in types else definition(find(name)))
+        try:
+            return definitions(type)
+        except WrongTypeError:
+            types: dict[str, str] = {}
+            for server, _ in await self.servers.interfaces():
+                types |= await self._types(server)
+            if type not in types:
+                raise
+        parts = types[type].split("\n---\n") if "/srv/" in type else [types[type]]
+        names = ("request", "response") if "/srv/" in type else ("definition",)
+        return {
+            name: with_nested(part, lambda nested: types[nested] if nested in types else definition(find(nested)))
+            for name, part in zip(names, parts, strict=False)
+        }
 
     def close(self) -> None:
         """Ends all subscriptions and queries; the session stays open."""

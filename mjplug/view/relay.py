@@ -69,6 +69,11 @@ class Options:
 class Relay:
     """Serves browsers. Event loop only.
 
+    Attributes:
+        viewers: The pages.
+        connections: Number of TCP connections.
+        request_timeout: Time for a client to send an HTTP request [s].
+
     Args:
         options: What the user chose.
         page: The files of the page.
@@ -78,8 +83,9 @@ class Relay:
         self._options = options
         self._page = page
         self._network: Network | None = None
-        self._viewers: set[Viewer] = set()
-        self._connections = 0
+        self.viewers: set[Viewer] = set()
+        self.connections = 0
+        self.request_timeout = _REQUEST_TIMEOUT
         self._encoder = Encoder()
         self._version = version("mjplug")
 
@@ -96,7 +102,7 @@ class Relay:
         """
         handoff = Handoff(asyncio.get_running_loop())
         self._network = Network(session, handoff, self._options.nodes, self._servers_changed)
-        for viewer in self._viewers:
+        for viewer in self.viewers:
             viewer.connect(self._network)
 
     @contextlib.asynccontextmanager
@@ -134,7 +140,7 @@ class Relay:
                         )
                     )
                 yield
-                for viewer in tuple(self._viewers):
+                for viewer in tuple(self.viewers):
                     viewer.end()
         finally:
             checking.cancel()
@@ -145,19 +151,19 @@ class Relay:
     async def _serve(self, connection: ServerConnection) -> None:
         # The closing handshake is short, unlike responses.
         connection.close_timeout = 1.0
-        if len(self._viewers) >= MAX_VIEWERS:
+        if len(self.viewers) >= MAX_VIEWERS:
             reason = f"{MAX_VIEWERS} browsers are connected, which is the maximum"
             await connection.send(json.dumps({"op": "error", "error": reason}))
             await connection.close(_TRY_AGAIN, reason)
             return
         viewer = Viewer(connection, self._network, self._options.read_only, self._encoder)
-        self._viewers.add(viewer)
+        self.viewers.add(viewer)
         try:
             await viewer.run(self._version)
         except Exception:
             _log.exception("the connection of a page failed")
         finally:
-            self._viewers.discard(viewer)
+            self.viewers.discard(viewer)
 
     async def _scene(self, hash: str) -> bytes:
         if self._network is None:
@@ -169,13 +175,13 @@ class Relay:
         while True:
             await asyncio.sleep(1.0)
             now = asyncio.get_running_loop().time()
-            for viewer in tuple(self._viewers):
+            for viewer in tuple(self.viewers):
                 viewer.check(now)
 
     def _servers_changed(self) -> None:
         assert self._network is not None
         servers = self._network.servers.describe()
-        for viewer in self._viewers:
+        for viewer in self.viewers:
             viewer.send(op="servers", servers=servers)
 
     def _connection_class(self) -> type[ServerConnection]:
@@ -185,14 +191,14 @@ class Relay:
         class Connection(ServerConnection):
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 super().connection_made(transport)
-                relay._connections += 1
-                if relay._connections > MAX_CONNECTIONS:
+                relay.connections += 1
+                if relay.connections > MAX_CONNECTIONS:
                     self.transport.abort()
                 else:
-                    self._request_timer = self.loop.call_later(_REQUEST_TIMEOUT, self._check_request)
+                    self._request_timer = self.loop.call_later(relay.request_timeout, self._check_request)
 
             def connection_lost(self, exc: Exception | None) -> None:
-                relay._connections -= 1
+                relay.connections -= 1
                 super().connection_lost(exc)
 
             def _check_request(self) -> None:

@@ -6,7 +6,7 @@ import json
 import logging
 import secrets
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection
@@ -16,7 +16,6 @@ from mjplug.client.errors import ClientError
 from mjplug.errors import MjplugError
 from mjplug.view.channels import Channels
 from mjplug.view.commands import READ_ONLY, Calls, Publishing
-from mjplug.view.definitions import definitions
 from mjplug.view.dragging import Dragging
 from mjplug.view.images import Encoder, ImageChannel
 from mjplug.view.network import Network
@@ -192,15 +191,15 @@ class Viewer:
             if len(self._tasks) >= _MAX_TASKS:
                 self._reply(message, f"{_MAX_TASKS} requests are waiting, which is the maximum; try again later")
                 return
-            task = asyncio.create_task(self._perform(handler(self, message), message))
+            task = asyncio.create_task(self._perform(handler, message))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
         else:
-            await self._perform(handler(self, message), message)
+            await self._perform(handler, message)
 
-    async def _perform(self, work: Awaitable[Any], message: dict[str, Any]) -> None:
+    async def _perform(self, handler: "_Handler", message: dict[str, Any]) -> None:
         try:
-            response = await work
+            response = await handler(self, message)
         except MjplugError as error:
             self._reply(message, str(error))
         except Exception as error:
@@ -303,7 +302,8 @@ class Viewer:
         type = message.get("type")
         if not isinstance(type, str):
             raise ClientError(f"type is {shown(type)}; it must be a string such as geometry_msgs/msg/Twist")
-        return definitions(type)
+        assert self._network is not None
+        return await self._network.definitions(type)
 
     async def _call(self, message: dict[str, Any]) -> Any:
         return await self._calls.call(message.get("service"), message.get("request"), message.get("server"))
@@ -332,7 +332,9 @@ class Viewer:
         self._streams.clear()
 
 
-_OPERATIONS: dict[str, Callable[[Viewer, dict[str, Any]], Coroutine[Any, Any, Any]]] = {
+_Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Any]]
+
+_OPERATIONS: dict[str, _Handler] = {
     "watch": Viewer._watch,
     "overlay": Viewer._overlay,
     "topics": Viewer._topics,

@@ -26,6 +26,7 @@ OVERLAYS = (
     "inertia",
     "rangefinders",
     "frames",
+    "perturbation",
 )
 """The kinds of overlays, in the order of docs/wire.md; the index is the channel."""
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Awaitable, Callable
 from email.utils import formatdate
 from http import HTTPStatus
-from urllib.parse import unquote, urlsplit
+from urllib.parse import unquote
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -45,10 +45,10 @@ class Web:
 
     async def answer(self, request: Request) -> Response | None:
         """Returns the response to a request; None upgrades the connection to a WebSocket."""
-        parts = urlsplit(request.path)
-        segments = [unquote(segment) for segment in parts.path.split("/")[1:]]
+        path, _, query = request.path.partition("?")
+        segments = [unquote(segment) for segment in path.split("/")[1:]] or [""]
         try:
-            token_in_query = self._access.check(request.headers, segments, parts.query)
+            token_in_query = self._access.check(request.headers, segments, query)
         except Refusal as refusal:
             return self._text(HTTPStatus.FORBIDDEN, str(refusal))
         method = getattr(request, "method", "GET")
@@ -60,7 +60,7 @@ class Web:
                 return None
             return self._text(HTTPStatus.UPGRADE_REQUIRED, "this is the address of a WebSocket")
         if token_in_query:
-            return self._with_cookie(parts.path)
+            return self._with_cookie(path)
         if len(segments) > 1 and segments[-2] == "scene":
             return await self._pack(name)
         return self._file(segments, request.headers)

@@ -77,7 +77,12 @@ def test_a_subscriber_is_notified_of_each_change_and_can_query_it(busy_network, 
 
 def test_schemas_are_returned_on_request(busy_network, client):
     types = client.call("mjplug/interfaces?schema=true").json["types"]
-    assert types.keys() == {"rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist", "std_srvs/srv/Trigger"}
+    # With the types of their fields.
+    assert types.keys() == {
+        "rosgraph_msgs/msg/Clock", "builtin_interfaces/msg/Time",
+        "geometry_msgs/msg/Twist", "geometry_msgs/msg/Vector3",
+        "std_srvs/srv/Trigger",
+    }  # fmt: skip
     assert "builtin_interfaces/Time clock" in types["rosgraph_msgs/msg/Clock"]["definition"]
     assert types["geometry_msgs/msg/Twist"]["schema"]["properties"].keys() == {"linear", "angular"}
     assert types["std_srvs/srv/Trigger"]["response"]["properties"].keys() == {"success", "message"}

@@ -9,7 +9,7 @@ contain the list, because a change may happen on the physics thread, where build
 
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from typing import Any, Literal
@@ -22,8 +22,10 @@ from mjplug.wire.discovery.announced import interfaces_key
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.plain import parameters
 from mjplug_schemas.definition import definition
+from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message
 from mjplug_schemas.rihs01 import type_hash
+from mjplug_schemas.shape import fields
 
 _LOG = logging.getLogger(__name__)
 
@@ -112,7 +114,7 @@ class Listing:
             types: list[Any] = [entry.topic.type for entry in self.topics] + [
                 entry.service.type for entry in self.services
             ]
-            content["types"] = {type.TYPE: _schema(type) for type in types}
+            content["types"] = {type.TYPE: _schema(type) for type in _with_nested(types)}
         return json.dumps(content).encode()
 
 
@@ -163,6 +165,20 @@ class InterfacesQueryable:
 def _hash(interface: Any) -> str:
     # Any: mypy does not accept a class as a hashable argument of a cached function.
     return type_hash(interface)
+
+
+def _with_nested(types: Iterable[Any]) -> list[Any]:
+    """Returns types, and the types of their fields at any depth, each of them once."""
+    found: dict[str, Any] = {}
+    pending = list(types)
+    while pending:
+        type = pending.pop(0)
+        if type.TYPE not in found:
+            found[type.TYPE] = type
+            parts = (type,) if issubclass(type, Message) else (type.Request, type.Response)
+            elements = (field.element for part in parts for field in fields(part))
+            pending += [element for element in elements if not isinstance(element, Primitive)]
+    return list(found.values())
 
 
 @cache
