@@ -9,10 +9,11 @@ import { Servers } from "./interface/servers.ts";
 import { Settings } from "./interface/settings.ts";
 import { Shell } from "./interface/shell.ts";
 import { Stage } from "./scene/stage.ts";
+import { install as installScene } from "./scene/install.ts";
 import { Relay } from "./wire/relay.ts";
 
 /** Each feature adds itself to the page; the order is that of their controls. */
-const features: ((app: App) => void)[] = [installServers, installControl, installStatus, installTheme];
+const features: ((app: App) => void)[] = [installScene, installServers, installControl, installStatus, installTheme];
 
 const socket = new URL("socket", document.baseURI);
 socket.protocol = socket.protocol.replace("http", "ws");

@@ -40,7 +40,7 @@ export function install(app: App): void {
   const lag = new LagWatch(app);
   let age = 0;
   let arrived = 0;
-  let renders = stage.renderer.info.render.frame;
+  let renders = stage.drawn;
   source.listen({
     onFrame: (server) => {
       const { current, frame } = servers;
@@ -51,9 +51,8 @@ export function install(app: App): void {
     },
   });
   stage.beforeDraw(() => {
-    const { frame } = stage.renderer.info.render;
-    if (frame !== renders) drawn.add(performance.now() / 1000);
-    renders = frame;
+    if (stage.drawn !== renders) drawn.add(performance.now() / 1000);
+    renders = stage.drawn;
   });
   let server = servers.current?.id;
   const update = () => {
