@@ -131,3 +131,53 @@ def test_joints_and_actuators_have_their_limits(pack):
     assert pack.header["actuators"] == [{"name": "torque", "controls": [[-3.0, 4.0]]}]
     assert pack.header["keyframes"] == ["up"]
     assert pack.header["name"] == "everything"
+
+
+_DETAILS = """
+<mujoco>
+  <asset>
+    <texture name="linear" type="2d" builtin="flat" width="4" height="4"/>
+    <texture name="srgb" type="2d" builtin="flat" width="4" height="4" colorspace="sRGB"/>
+    <material name="checked" texture="linear" rgba=".2 .4 .6 1"/>
+  </asset>
+  <worldbody>
+    <light name="lamp" mode="targetbody" target="ball" pos="1 2 3" dir="0 0 -1"/>
+    <body name="ball" pos="0 0 1"><freejoint/><geom size=".1"/><light name="escort" mode="track" pos="0 0 2"/></body>
+    <flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" pos="0 2 1" radius=".01" dim="2" mass="1"
+              material="checked"/>
+    <flexcomp name="jelly" type="grid" count="3 3 3" spacing=".1 .1 .1" pos="0 4 1" radius=".01" dim="3" mass="1"
+              flatskin="true"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def details():
+    model = mujoco.MjModel.from_xml_string(_DETAILS)
+    return model, Pack(build(model))
+
+
+def test_lights_name_their_mode_and_the_body_that_they_look_at(details):
+    model, pack = details
+    lamp, escort = pack.header["lights"]
+    assert (lamp["mode"], lamp["target"]) == ("targetbody", model.body("ball").id)
+    assert (escort["mode"], escort["target"]) == ("track", -1)
+    np.testing.assert_allclose(escort["pos0"], model.light_pos0[1])
+    np.testing.assert_allclose(escort["dir0"], model.light_dir0[1])
+
+
+def test_textures_name_their_colour_space(details):
+    assert [texture["srgb"] for texture in details[1].header["textures"]] == [False, True]
+
+
+def test_flexes_have_the_colour_of_their_material_and_the_texture_coordinates_of_their_corners(details):
+    model, pack = details
+    cloth, jelly = pack.header["flexes"]
+    assert cloth["rgba"] == pytest.approx([0.2, 0.4, 0.6, 1.0])
+    assert (cloth["flat"], jelly["flat"]) == (False, True)
+    corners = pack.array(cloth["uv_elements"])
+    assert corners.shape == pack.array(cloth["elements"]).shape
+    np.testing.assert_array_equal(corners.ravel(), model.flex_elemtexcoord[: corners.size])
+    uv = pack.array(cloth["uv"])[corners.ravel()]
+    np.testing.assert_array_equal(uv, model.flex_texcoord[model.flex_elemtexcoord[: corners.size]])

@@ -4,7 +4,7 @@ ALL_FEATURES = """
 <mujoco model="all features">
   <compiler angle="radian"/>
   <option timestep="0.002"/>
-  <statistic center="0 0 0.5" extent="3"/>
+  <statistic center="0.4 0.2 0.3" extent="3.2"/>
   <visual>
     <global azimuth="120" elevation="-25" offwidth="1280" offheight="960"/>
     <headlight ambient=".3 .3 .3" diffuse=".4 .4 .4" specular=".2 .2 .2"/>
@@ -62,7 +62,7 @@ ALL_FEATURES = """
     <body name="ghost" mocap="true" pos="-1.2 1.2 .5">
       <geom name="ghost" type="sphere" size=".15" rgba="1 1 1 .5" contype="0" conaffinity="0"/></body>
     <flexcomp name="cloth" type="grid" count="7 7 1" spacing=".1 .1 .1" pos="2 -.5 .9" radius=".01" dim="2" mass=".1"
-              rgba=".9 .7 .3 1"><pin id="0 6 42 48"/></flexcomp>
+              material="stripes"><pin id="0 6 42 48"/></flexcomp>
     <flexcomp name="jelly" type="grid" count="4 4 4" spacing=".1 .1 .1" pos="2 -1.5 .4" radius=".01" dim="3" mass="1"
               rgba=".3 .8 .6 1"/>
     <flexcomp name="rope" type="grid" count="8 1 1" spacing=".08 .1 .1" pos="-.6 1.8 .8" radius=".02" dim="1" mass=".1"

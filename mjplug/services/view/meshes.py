@@ -9,11 +9,19 @@ from numpy.typing import NDArray
 from mjplug.services.view.catalogue import numbers
 from mjplug.services.view.container import Buffers
 
+_DEFAULT_RGBA = np.array((0.5, 0.5, 0.5, 1.0), np.float32)
+"""The colour that MuJoCo gives shapes; with it, the colour of the material counts."""
+
 _BITS = 21
 """Bits of one index in the combined key of a mesh corner; three fit into an int64."""
 
 _SURFACE_DIM = 2
 """Dimension of a flex made of triangles; one of tetrahedra has 3, and its `flex_shell` is its surface."""
+
+
+def color(model: mujoco.MjModel, own: Any, material: int) -> Any:
+    """Returns the colour of a shape, which is that of its material unless it has its own."""
+    return model.mat_rgba[material] if material >= 0 and np.array_equal(own, _DEFAULT_RGBA) else own
 
 
 def mesh(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
@@ -57,14 +65,18 @@ def hfield(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any
 
 
 def flex(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
-    """Adds the topology of a flex; the positions of its vertices are in the frames. Returns its entry."""
+    """Adds the topology of a flex; the positions of its vertices are in the frames. Returns its entry.
+
+    `uv_elements` contains for each vertex index in `elements` the index of its texture coordinates in `uv`.
+    """
     dim, count = int(model.flex_dim[index]), int(model.flex_vertnum[index])
     if dim <= _SURFACE_DIM:
         start, number = model.flex_elemdataadr[index], model.flex_elemnum[index] * (dim + 1)
         elements = model.flex_elem[start : start + number].reshape(-1, dim + 1)
+        corners = model.flex_elemtexcoord[start : start + number].reshape(-1, dim + 1)
     else:
         start, number = model.flex_shelldataadr[index], model.flex_shellnum[index] * dim
-        elements = model.flex_shell[start : start + number].reshape(-1, dim)
+        elements = corners = model.flex_shell[start : start + number].reshape(-1, dim)
     entry = {
         "id": index,
         "dim": dim,
@@ -72,18 +84,15 @@ def flex(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
         "vertices": count,
         "elements": buffers.array(smallest(elements, count).reshape(elements.shape)),
         "radius": float(model.flex_radius[index]),
-        "rgba": numbers(model.flex_rgba[index]),
+        "rgba": numbers(color(model, model.flex_rgba[index], int(model.flex_matid[index]))),
         "material": int(model.flex_matid[index]),
         "group": int(model.flex_group[index]),
+        "flat": bool(model.flex_flatskin[index]),
     }
-    first = int(model.flex_texcoordadr[index])
-    # Like MuJoCo's renderer: the surface of tetrahedra has one texture coordinate for each vertex.
-    surface = dim == _SURFACE_DIM
-    corners = model.flex_elemtexcoord[start : start + number].reshape(elements.shape) if surface else elements
-    used = int(corners.max(initial=-1)) + 1
-    if dim >= _SURFACE_DIM and first >= 0 and first + used <= len(model.flex_texcoord):
-        entry["uv"] = buffers.array(model.flex_texcoord[first : first + used])
-        entry["uv_elements"] = buffers.array(smallest(corners, used).reshape(corners.shape))
+    if model.flex_texcoordadr[index] >= 0 and dim >= _SURFACE_DIM:
+        coordinates = int(corners.max()) + 1
+        entry["uv"] = buffers.array(model.flex_texcoord[model.flex_texcoordadr[index] :][:coordinates])
+        entry["uv_elements"] = buffers.array(smallest(corners, coordinates).reshape(corners.shape))
     return entry
 
 
@@ -96,7 +105,7 @@ def skin(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, Any]:
         "positions": buffers.array(model.skin_vert[first : first + count]),
         "indices": buffers.array(smallest(model.skin_face[face : face + faces], int(count))),
         "inflate": float(model.skin_inflate[index]),
-        "rgba": numbers(model.skin_rgba[index]),
+        "rgba": numbers(color(model, model.skin_rgba[index], int(model.skin_matid[index]))),
         "material": int(model.skin_matid[index]),
         "group": int(model.skin_group[index]),
         "bones": [],

@@ -3,7 +3,6 @@
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from mjplug.services.view import meshes, png
 from mjplug.services.view.catalogue import catalogue, names, numbers
@@ -13,11 +12,12 @@ from mjplug.services.view.moving import moving_bodies
 _OBJ = mujoco.mjtObj
 _GEOMS = {int(kind): name.removeprefix("mjGEOM_").lower() for name, kind in mujoco.mjtGeom.__members__.items()}
 _LIGHTS = {int(kind): name.removeprefix("mjLIGHT_").lower() for name, kind in mujoco.mjtLightType.__members__.items()}
+_LIGHT_MODES = {
+    int(mode): name.removeprefix("mjCAMLIGHT_").lower() for name, mode in mujoco.mjtCamLight.__members__.items()
+}
 _TEXTURES = {int(kind): name.removeprefix("mjTEXTURE_").lower() for name, kind in mujoco.mjtTexture.__members__.items()}
 _MESH_TYPES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 _HFIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
-_DEFAULT_RGBA = np.array((0.5, 0.5, 0.5, 1.0), np.float32)
-"""The colour that MuJoCo gives geoms and sites; with it, the colour of the material counts."""
 
 
 def build(model: mujoco.MjModel) -> bytes:
@@ -77,15 +77,11 @@ def _bodies(model: mujoco.MjModel) -> list[dict[str, Any]]:
     ]
 
 
-def _rgba(model: mujoco.MjModel, own: Any, material: int) -> Any:
-    return model.mat_rgba[material] if material >= 0 and np.array_equal(own, _DEFAULT_RGBA) else own
-
-
 def _geoms(model: mujoco.MjModel) -> list[dict[str, Any]]:
     entries = []
     for geom, name in enumerate(names(model, _OBJ.mjOBJ_GEOM, model.ngeom)):
         material, kind, data = (int(a[geom]) for a in (model.geom_matid, model.geom_type, model.geom_dataid))
-        rgba = _rgba(model, model.geom_rgba[geom], material)
+        rgba = meshes.color(model, model.geom_rgba[geom], material)
         if rgba[3] <= 0.0:
             continue
         entry = {
@@ -118,7 +114,7 @@ def _sites(model: mujoco.MjModel) -> list[dict[str, Any]]:
             "size": numbers(model.site_size[site]),
             "pos": numbers(model.site_pos[site]),
             "quat": numbers(model.site_quat[site]),
-            "rgba": numbers(_rgba(model, model.site_rgba[site], int(model.site_matid[site]))),
+            "rgba": numbers(meshes.color(model, model.site_rgba[site], int(model.site_matid[site]))),
             "material": int(model.site_matid[site]),
             "group": int(model.site_group[site]),
         }
@@ -146,8 +142,12 @@ def _lights(model: mujoco.MjModel) -> list[dict[str, Any]]:
             "name": name,
             "body": int(model.light_bodyid[light]),
             "type": _LIGHTS[int(model.light_type[light])],
+            "mode": _LIGHT_MODES[int(model.light_mode[light])],
+            "target": int(model.light_targetbodyid[light]),
             "pos": numbers(model.light_pos[light]),
             "dir": numbers(model.light_dir[light]),
+            "pos0": numbers(model.light_pos0[light]),
+            "dir0": numbers(model.light_dir0[light]),
             "active": bool(model.light_active[light]),
             "castshadow": bool(model.light_castshadow[light]),
             "attenuation": numbers(model.light_attenuation[light]),
@@ -194,5 +194,10 @@ def _texture(model: mujoco.MjModel, index: int, buffers: Buffers) -> dict[str, A
         "type": _TEXTURES[int(model.tex_type[index])],
         "width": shape[1],
         "height": shape[0],
+        "srgb": _is_srgb(model, index),
         "png": buffers.file(png.encode(pixels)),
     }
+
+
+def _is_srgb(model: mujoco.MjModel, index: int) -> bool:
+    return int(model.tex_colorspace[index]) == int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)

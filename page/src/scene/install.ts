@@ -15,7 +15,7 @@ declare global {
   }
 }
 
-/** Offers `window.mjplug`, and follows the colour scheme of the browser. */
+/** Offers `window.mjplug`, and follows the theme of the page. */
 export function install(app: App): void {
   const { stage } = app;
   window.mjplug = {
@@ -28,7 +28,8 @@ export function install(app: App): void {
       return id in world.bodies ? stage.project(world, id) : null;
     },
   };
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  stage.background(dark.matches ? "dark" : "light");
-  dark.addEventListener("change", () => stage.background(dark.matches ? "dark" : "light"));
+  const { themes } = app.shell;
+  const colour = () => stage.background(themes.dark ? "dark" : "light");
+  themes.listen(colour);
+  colour();
 }

@@ -32,7 +32,7 @@ export class Lights implements LightUniforms {
     this.entries = supported.slice(0, MAX_LIGHTS - first);
     this.count = first + this.entries.length;
     const shown = this.#headlight ? [vis.headlight, ...this.entries] : this.entries;
-    this.#positions = shown.map(() => new Vector4());
+    this.#positions = shown.map(() => new Vector4(0, 0, 0, 0));
     this.#directions = shown.map(() => new Vector4(0, 0, -1, -1));
     this.#shadows = shown.map(() => -1);
     this.entries.forEach(({ type, cutoff }, index) => {
