@@ -106,9 +106,9 @@ export function lightPose(
   direction.normalize();
 }
 
-function shapeOf({ type, attenuation, exponent }: LightEntry): Vector4 {
+function shapeOf({ type, attenuation, cutoff, exponent }: LightEntry): Vector4 {
   const [constant = 1, linear = 0, quadratic = 0] = type === "spot" ? attenuation : [1, 0, 0];
-  return new Vector4(constant, linear, quadratic, type === "spot" ? exponent : 0);
+  return new Vector4(constant, linear, quadratic, type === "spot" && cutoff < 180 ? exponent : 0);
 }
 
 function color([red = 0, green = 0, blue = 0]: Vector): Vector3 {

@@ -208,8 +208,10 @@ for (int i = 0; i < MJ_LIGHTS; i++) {
     toLight = offset / far;
     vec4 form = mjLightShape[i];
     float along = -dot(toLight, mjLightDirection[i].xyz);
-    strength = along < mjLightDirection[i].w ? 0.0
-      : pow(max(along, 1e-6), form.w) / (form.x + far * (form.y + far * form.z));
+    // OpenGL has a hard edge that is blurred between the vertices of a plane.
+    float edge = mjLightDirection[i].w;
+    strength = edge <= -1.0 ? 1.0 : smoothstep(edge, edge + 0.15 * (1.0 - edge), along);
+    strength *= pow(max(along, 1e-6), form.w) / (form.x + far * (form.y + far * form.z));
   }
   float facing = dot(mjNormal, toLight);
   vec3 part = mjLightAmbient[i] * mjColor.rgb;

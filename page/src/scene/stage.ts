@@ -5,6 +5,7 @@ import type { Info } from "../wire/protocol.ts";
 import type { Source } from "../wire/source.ts";
 import { readFrame } from "./frame.ts";
 import { type Graphics, openGraphics, pixelRatio } from "./graphics.ts";
+import { Outline } from "./outline.ts";
 import { Pack } from "./pack.ts";
 import { type Picked, pick } from "./picking.ts";
 import { Sky, type Theme } from "./sky.ts";
@@ -34,6 +35,7 @@ export class Stage {
   readonly #loading = new Map<number, string>();
   readonly #offsets = new Map<number, Vector3>();
   readonly #message = element("p", { className: "stage-message", hidden: true });
+  #outline: Outline | null = null;
   #dirty = true;
   #last = 0;
   #drawsSinceFrame = 0;
@@ -78,7 +80,6 @@ export class Stage {
       onOverlay: (server, kind, payload) => {
         this.#counter.bytes += payload.byteLength;
         this.worlds.get(server)?.setOverlay(kind, payload);
-        this.invalidate();
       },
     });
     requestAnimationFrame((now) => this.#loop(now));
@@ -266,6 +267,7 @@ export class Stage {
     const world = new World(server, info.name, info, pack, textures, this.worlds.size - (before === undefined ? 0 : 1));
     const offset = this.#offsets.get(server);
     if (offset !== undefined) world.root.position.copy(offset);
+    world.onChange = () => this.invalidate();
     this.worlds.set(server, world);
     this.scene.add(world.root);
     if (world === this.#first()) {
@@ -329,6 +331,8 @@ export class Stage {
     for (const world of this.worlds.values()) world.prepare(this.camera);
     renderer.info.reset();
     renderer.render(this.scene, this.camera);
+    this.#outline ??= new Outline(renderer);
+    this.#outline.draw(this.scene, this.#visible(), this.camera);
     this.#counter.drawn += 1;
     this.#counter.drawTime = performance.now() - started;
   }

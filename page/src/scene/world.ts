@@ -33,6 +33,8 @@ export class World {
   readonly #groups = new Map<GroupKind, boolean[]>(
     GROUP_KINDS.map((kind) => [kind, Array.from({ length: GROUPS }, (_, group) => group < VISIBLE_GROUPS)]),
   );
+  /** Called when the world looks different for another reason than a frame. */
+  onChange: () => void = () => undefined;
   #outlined: number | null = null;
 
   /**
@@ -137,6 +139,7 @@ export class World {
     if (payload === null) {
       shown?.dispose();
       this.#overlays.delete(kind);
+      this.onChange();
       return;
     }
     const overlay = shown ?? new Overlay(this.lights);
@@ -145,6 +148,7 @@ export class World {
       this.root.add(overlay.root);
     }
     overlay.apply(payload);
+    this.onChange();
   }
 
   /** The overlays that are shown, by kind. */
@@ -156,6 +160,7 @@ export class World {
   setGroup(kind: GroupKind, group: number, visible: boolean): void {
     this.#groups.get(kind)![group] = visible;
     this.#showGroups(kind);
+    this.onChange();
   }
 
   groupVisible(kind: GroupKind, group: number): boolean {
@@ -172,15 +177,18 @@ export class World {
   setTransparent(on: boolean): void {
     const factor = on ? this.pack.header.vis.map.alpha : 1;
     for (const { mesh, dynamic } of this.parts) if (dynamic) mesh.material.fade(factor);
+    this.onChange();
   }
 
   setWireframe(on: boolean): void {
     this.#looks.setWireframe(on);
+    this.onChange();
   }
 
   /** Outlines a body; null outlines none. */
   outline(body: number | null): void {
     this.#outlined = body;
+    this.onChange();
   }
 
   /** Returns the point of a body in the scene [m]. */
