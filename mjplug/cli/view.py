@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from mjplug.cli.connected import Endpoint, ZenohConfig
+from mjplug.cli.connected import Endpoint, ZenohConfig, client
 from mjplug.cli.interrupt import exit_on_interrupt
 from mjplug.cli.names import complete_node
 from mjplug.cli.output import complain, say
@@ -58,6 +58,12 @@ def view(
             help="Open the page in a browser.  [default: if this is a terminal on a desktop]",
         ),
     ] = None,
+    window: Annotated[
+        bool,
+        typer.Option(
+            "--window", help="Use MuJoCo's own window instead of a browser; needs the MuJoCo version of the server."
+        ),
+    ] = False,
     wait: Annotated[
         float | None,
         typer.Option(min=0.0, metavar="SECONDS", help="How long to wait for a server.  [default: without limit]"),
@@ -68,6 +74,9 @@ def view(
 
     Serves a page with the servers of a network until Ctrl-C. It needs neither MuJoCo nor a graphics card.
     """
+    if window:
+        _window(connect, node or [], zenoh_config, wait or 0.0)
+        return
     with exit_on_interrupt():
         _import_websockets()
         from mjplug.log import logging_to_stderr
@@ -93,6 +102,18 @@ def view(
 
 def _say_waiting(reason: str) -> None:
     complain(f"waiting for a server: {reason}")
+
+
+def _window(endpoint: str | None, nodes: list[str], zenoh_config: str | None, wait: float) -> None:
+    if len(nodes) > 1:
+        raise MjplugError(f"a window shows one server, but {len(nodes)} are given with --node")
+    with exit_on_interrupt():
+        from mjplug.window import run_window
+        from mjplug.window.screen import check_screen
+
+    check_screen(os.environ)
+    with client(endpoint, nodes[0] if nodes else "", zenoh_config, wait) as found:
+        run_window(found, report=complain)
 
 
 def _import_websockets() -> None:
