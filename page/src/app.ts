@@ -1,3 +1,4 @@
+import type { Dragging } from "./interface/drag.ts";
 import type { Selection } from "./interface/selection.ts";
 import type { Servers } from "./interface/servers.ts";
 import type { Settings } from "./interface/settings.ts";
@@ -19,4 +20,6 @@ export interface App {
   readonly settings: Settings;
   /** The selected body. */
   readonly selection: Selection;
+  /** The body that the mouse or a finger pulls. */
+  readonly drag: Dragging;
 }

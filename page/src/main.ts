@@ -1,6 +1,11 @@
 import "./style.css";
 import type { App } from "./app.ts";
+import { install as installBodies } from "./interface/bodies.ts";
+import { install as installBodyPanel } from "./interface/bodypanel.ts";
 import { install as installControl } from "./interface/control.ts";
+import { Dragging, install as installDrag } from "./interface/drag.ts";
+import { install as installHelp } from "./interface/help.ts";
+import { install as installPointing } from "./interface/pointing.ts";
 import { install as installServers } from "./interface/serverpicker.ts";
 import { install as installStatus } from "./interface/status.ts";
 import { install as installTheme } from "./interface/themebutton.ts";
@@ -13,7 +18,19 @@ import { install as installScene } from "./scene/install.ts";
 import { Relay } from "./wire/relay.ts";
 
 /** Each feature adds itself to the page; the order is that of their controls. */
-const features: ((app: App) => void)[] = [installScene, installServers, installControl, installStatus, installTheme];
+// prettier-ignore
+const features: ((app: App) => void)[] = [
+  installScene,
+  installServers,
+  installControl,
+  installStatus,
+  installBodies,
+  installBodyPanel,
+  installPointing,
+  installDrag,
+  installHelp,
+  installTheme,
+];
 
 const socket = new URL("socket", document.baseURI);
 socket.protocol = socket.protocol.replace("http", "ws");
@@ -22,5 +39,6 @@ const settings = new Settings("mjplug.");
 const shell = new Shell(document.body, settings);
 const stage = new Stage(shell.stageElement, source);
 const servers = new Servers(source, stage, settings);
-const app: App = { source, shell, stage, servers, settings, selection: new Selection() };
+const shared = { source, shell, stage, servers, settings, selection: new Selection() };
+const app: App = { ...shared, drag: new Dragging(shared) };
 for (const install of features) install(app);

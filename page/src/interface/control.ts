@@ -114,7 +114,7 @@ export function install(app: App): void {
 }
 
 /** Returns why the simulation cannot be controlled, or null if it can. */
-export function offReason({ source, servers }: App, known = true): string | null {
+export function offReason({ source, servers }: Pick<App, "source" | "servers">, known = true): string | null {
   if (source.recorded) return "this is a recording.";
   if (source.readOnly) return "mjplug view was started with --read-only.";
   if (!source.state.connected) return "mjplug view does not answer.";

@@ -48,11 +48,12 @@ export class Panels {
     return content;
   }
 
-  /** Unfolds a panel and brings it into view. */
-  reveal(title: string): void {
+  /** Unfolds a panel, brings it into view, and returns its side; null if there is no such panel. */
+  reveal(title: string): "left" | "right" | null {
     const panel = this.#panels.get(title);
-    if (panel === undefined) return;
+    if (panel === undefined) return null;
     panel.open = true;
     panel.scrollIntoView({ block: "nearest" });
+    return panel.parentElement === this.sides.left ? "left" : "right";
   }
 }

@@ -27,6 +27,8 @@ export class Shell {
   readonly #windows = new FloatingWindows();
   readonly #notices = element("div", { className: "notices" });
   readonly #groups: Record<Group, HTMLElement>;
+  /** Show or hide the panels. */
+  readonly #flips: Record<"left" | "right" | "sheet", () => void>;
 
   constructor(
     readonly body: HTMLElement,
@@ -44,12 +46,20 @@ export class Shell {
     body.append(this.toolbar, this.panels.element, this.stageElement, this.status);
     explainWith((reason) => this.notice(reason));
     document.addEventListener("keydown", (event) => this.#key(event));
-    this.#sideButtons();
+    this.#flips = { left: this.#sideButton("left"), right: this.#sideButton("right"), sheet: this.#sheetButton() };
   }
 
   /** Adds a panel to a side that the user can fold; returns the element for its content. */
   panel(title: string, options: PanelOptions = {}): HTMLElement {
     return this.panels.add(title, options);
+  }
+
+  /** Unfolds a panel and shows its side. */
+  reveal(title: string): void {
+    const side = this.panels.reveal(title);
+    if (side !== null && this.body.classList.contains(`no-${side}`)) this.#flips[side]();
+    if (this.phone && !this.body.classList.contains("sheet")) this.#flips.sheet();
+    this.panels.reveal(title);
   }
 
   /** Opens a window above the scene. */
@@ -109,37 +119,38 @@ export class Shell {
     return dialog;
   }
 
-  #sideButtons(): void {
+  #sideButton(side: "left" | "right"): () => void {
     const { settings, body } = this;
-    const wide = window.innerWidth >= WIDE;
-    for (const side of ["left", "right"] as const) {
-      const text = side === "left" ? "Show the model panels" : "Show the view panels";
-      const name = `side.${side}`;
-      const set = (open: boolean) => {
-        body.classList.toggle(`no-${side}`, !open);
-        created.press(open);
-        created.element.setAttribute("aria-expanded", String(open));
-      };
-      const flip = () => {
-        const open = body.classList.contains(`no-${side}`);
-        settings.set(name, open);
-        set(open);
-      };
-      const key = side === "left" ? "[" : "]";
-      const created = button({ icon: side, label: text, key, className: `bare desk ${side}`, run: flip });
-      created.element.setAttribute("aria-controls", this.panels.sides[side].id);
-      this.tool(side === "left" ? "server" : "page", created.element);
-      this.shortcut({ key, text, group: "Page", run: flip });
-      set(settings.get(name, wide || side === "right"));
-    }
-    const sheet = button({
-      icon: "panels",
-      label: "Show the panels",
-      className: "bare phone",
-      run: () => sheet.press(body.classList.toggle("sheet")),
-    });
-    sheet.press(false);
-    this.tool("page", sheet.element);
+    const text = side === "left" ? "Show the model panels" : "Show the view panels";
+    const key = side === "left" ? "[" : "]";
+    const flip = () => {
+      const open = body.classList.contains(`no-${side}`);
+      settings.set(`side.${side}`, open);
+      set(open);
+    };
+    const created = button({ icon: side, label: text, key, className: `bare desk ${side}`, run: flip });
+    const set = (open: boolean) => {
+      body.classList.toggle(`no-${side}`, !open);
+      created.press(open);
+      created.element.setAttribute("aria-expanded", String(open));
+    };
+    created.element.setAttribute("aria-controls", this.panels.sides[side].id);
+    this.tool(side === "left" ? "server" : "page", created.element);
+    this.shortcut({ key, text, group: "Page", run: flip });
+    set(settings.get(`side.${side}`, window.innerWidth >= WIDE || side === "right"));
+    return flip;
+  }
+
+  #sheetButton(): () => void {
+    const flip = () => {
+      const open = this.body.classList.toggle("sheet");
+      created.press(open);
+      created.element.setAttribute("aria-expanded", String(open));
+    };
+    const created = button({ icon: "panels", label: "Show the panels", className: "bare phone", run: flip });
+    created.press(false);
+    this.tool("page", created.element);
+    return flip;
   }
 
   /** Whether the window is as narrow as a phone. */
