@@ -2,9 +2,12 @@ import "./style.css";
 import type { App } from "./app.ts";
 import { install as installBodies } from "./interface/bodies.ts";
 import { install as installBodyPanel } from "./interface/bodypanel.ts";
+import { install as installCamera } from "./interface/cameraview.ts";
 import { install as installControl } from "./interface/control.ts";
 import { Dragging, install as installDrag } from "./interface/drag.ts";
+import { install as installGroups } from "./interface/groups.ts";
 import { install as installHelp } from "./interface/help.ts";
+import { install as installOverlays } from "./interface/overlays.ts";
 import { install as installPointing } from "./interface/pointing.ts";
 import { install as installServers } from "./interface/serverpicker.ts";
 import { install as installStatus } from "./interface/status.ts";
@@ -24,6 +27,9 @@ const features: ((app: App) => void)[] = [
   installServers,
   installControl,
   installStatus,
+  installCamera,
+  installOverlays,
+  installGroups,
   installBodies,
   installBodyPanel,
   installPointing,

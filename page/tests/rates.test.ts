@@ -1,18 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { AgeMeter, Rate, SpeedMeter } from "../src/interface/rates.ts";
+import { AgeMeter, Meter } from "../src/interface/rates.ts";
 import { sentence } from "../src/interface/requests.ts";
 
-test("a rate counts the events of its span", () => {
-  const rate = new Rate(2);
-  for (let index = 0; index <= 100; index += 1) rate.add(index / 10);
-  assert.equal(rate.value(10), 10);
-  assert.equal(rate.value(11), 5);
-  assert.equal(rate.value(20), 0);
-});
-
 test("the speed is simulated time per wall time over the last second", () => {
-  const meter = new SpeedMeter();
+  const meter = new Meter();
   assert.equal(meter.value, null);
   for (let index = 0; index <= 60; index += 1) meter.add(100 + (2 * index) / 60, 5 + index / 60);
   assert.ok(Math.abs(meter.value! - 2) < 1e-9);
@@ -21,14 +13,14 @@ test("the speed is simulated time per wall time over the last second", () => {
 });
 
 test("frames one second apart, as while paused, are enough to measure", () => {
-  const meter = new SpeedMeter();
+  const meter = new Meter();
   meter.add(3, 10);
   meter.add(3, 11);
   assert.equal(meter.value, 0);
 });
 
 test("a server that starts again starts the measurement again, and a repeated frame does not count", () => {
-  const meter = new SpeedMeter();
+  const meter = new Meter();
   meter.add(50, 10);
   meter.add(50, 10);
   meter.add(51, 11);

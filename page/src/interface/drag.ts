@@ -9,7 +9,7 @@ import { DragLine } from "./dragline.ts";
 import { element, setText } from "./element.ts";
 import { formatQuantity } from "./format.ts";
 import { type DragKind, dragKind, type DragMode } from "./gestures.ts";
-import { pick, rayThrough, viewOf } from "./pointing.ts";
+import { rayThrough, viewOf } from "./pointing.ts";
 import { bodyName } from "./selection.ts";
 
 /** The server lets go after 0.5 s without a message; this is ten times as often [ms]. */
@@ -25,6 +25,8 @@ interface Hold {
   readonly local: Vector3;
   readonly pull: PullTarget;
   readonly epoch: number;
+  /** Whether the mouse moved the camera before. */
+  readonly controls: boolean;
   readonly start: { readonly x: number; readonly y: number; readonly orientation: Quaternion };
   plane: DragPlane;
   rotation: Quaternion;
@@ -76,7 +78,7 @@ export class Dragging {
     this.app.source.drag(hold.world.server, null);
     this.#line.hide();
     this.#label.hidden = true;
-    this.app.stage.controls.enabled = true;
+    this.app.stage.controls.enabled = hold.controls;
     this.app.stage.canvas.classList.remove("dragging");
     this.app.stage.invalidate();
     return true;
@@ -92,7 +94,7 @@ export class Dragging {
     }
     const modified = event.ctrlKey || event.metaKey;
     if (!modified && this.mode === "off") return;
-    const picked = pick(this.app, event.clientX, event.clientY);
+    const picked = stage.pick(event.clientX, event.clientY);
     const onBody = picked !== null && canMove(picked.world, picked.body);
     const kind = dragKind(event, this.mode, onBody);
     if (kind === null) return;
@@ -103,7 +105,7 @@ export class Dragging {
         ? { world: picked.world, body: picked.body, point: picked.point }
         : current === null
           ? null
-          : { ...current, point: pointOf(current.world, current.body, current.local ?? [0, 0, 0]) };
+          : { ...current, point: current.world.bodyPoint(current.body, current.local) };
     if (grabbed === null) {
       this.app.shell.notice("Press Ctrl on a body that can move, or select one first.");
       return;
@@ -134,6 +136,7 @@ export class Dragging {
       plane,
       pull: new PullTarget(point),
       epoch: world.frame?.epoch ?? 0,
+      controls: stage.controls.enabled,
       start: { x: event.clientX, y: event.clientY, orientation: group.getWorldQuaternion(new Quaternion()) },
       rotation: group.getWorldQuaternion(new Quaternion()),
     };
@@ -194,14 +197,14 @@ export class Dragging {
     const hold = this.#hold;
     if (hold === null) return;
     const { stage } = this.app;
-    const from = pointOf(hold.world, hold.body, [hold.local.x, hold.local.y, hold.local.z]);
+    const from = hold.world.bodyPoint(hold.body, [hold.local.x, hold.local.y, hold.local.z]);
     const to = hold.kind === "pull" ? hold.pull.target : from;
     this.#line.show(from, to, stage.camera);
-    const screen = to.clone().project(stage.camera);
-    const { clientWidth, clientHeight } = stage.canvas;
-    this.#label.hidden = false;
-    this.#label.style.left = `${((screen.x + 1) / 2) * clientWidth}px`;
-    this.#label.style.top = `${((1 - screen.y) / 2) * clientHeight}px`;
+    const place = stage.projectPoint(to);
+    const { left, top } = stage.canvas.getBoundingClientRect();
+    this.#label.hidden = place === null;
+    this.#label.style.left = `${(place?.x ?? 0) - left}px`;
+    this.#label.style.top = `${(place?.y ?? 0) - top}px`;
     const now = hold.world.bodies[hold.body]!.getWorldQuaternion(new Quaternion());
     const degrees = (now.angleTo(hold.rotation) * 180) / Math.PI;
     setText(this.#label, hold.kind === "pull" ? formatQuantity(from.distanceTo(to), "m") : `${degrees.toFixed(0)}°`);
@@ -212,13 +215,6 @@ export class Dragging {
 /** Whether a body can be dragged; one that is fixed to the world cannot. */
 function canMove(world: World, body: number): boolean {
   return world.pack.header.moving.includes(body);
-}
-
-/** Returns a point of a body in the scene [m]. */
-function pointOf(world: World, body: number, local: readonly [number, number, number]): Vector3 {
-  const group = world.bodies[body]!;
-  group.updateWorldMatrix(true, false);
-  return group.localToWorld(new Vector3(...local));
 }
 
 /** Adds the modes in which a plain drag, or one finger, pulls or turns bodies. */

@@ -1,6 +1,5 @@
-import { type Group, type Object3D, Quaternion, Raycaster, Vector2, Vector3 } from "three";
+import { Quaternion, Raycaster, Vector2, Vector3 } from "three";
 import type { App } from "../app.ts";
-import type { Picked } from "../scene/stage.ts";
 import { LongPress } from "./gestures.ts";
 
 /** Returns a ray from the camera through a point of the window [px]. */
@@ -9,21 +8,6 @@ export function rayThrough({ stage }: Pick<App, "stage">, x: number, y: number):
   const caster = new Raycaster();
   caster.setFromCamera(new Vector2((2 * (x - left)) / width - 1, 1 - (2 * (y - top)) / height), stage.camera);
   return caster;
-}
-
-/** Returns the body at a point of the window, if any. */
-export function pick(app: Pick<App, "stage">, x: number, y: number): Picked | null {
-  const caster = rayThrough(app, x, y);
-  const worlds = [...app.stage.worlds.values()].filter(({ root }) => root.visible);
-  for (const { object, point } of caster.intersectObjects(worlds.map(({ root }) => root))) {
-    for (let node: Object3D | null = object; node !== null; node = node.parent) {
-      for (const world of worlds) {
-        const body = world.bodies.indexOf(node as Group);
-        if (body >= 0) return { world, body, point };
-      }
-    }
-  }
-  return null;
 }
 
 /** Returns the direction in which the camera looks, and its orientation. */
@@ -40,7 +24,7 @@ export function install(app: App): void {
   const { canvas } = stage;
   const press = new LongPress();
   const select = (x: number, y: number) => {
-    const picked = pick(app, x, y);
+    const picked = stage.pick(x, y);
     if (picked === null) {
       selection.select(null);
       return;

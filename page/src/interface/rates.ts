@@ -1,50 +1,27 @@
-/** Counts events over the last seconds, for example drawn pictures. */
-export class Rate {
-  readonly #times: number[] = [];
-
-  /** @param span - Wall time that counts [s]. */
-  constructor(readonly span = 1) {}
-
-  add(now: number): void {
-    this.#times.push(now);
-    this.#trim(now);
-  }
-
-  /** Returns events per second of wall time. */
-  value(now: number): number {
-    this.#trim(now);
-    return this.#times.length / this.span;
-  }
-
-  #trim(now: number): void {
-    while (this.#times.length > 0 && this.#times[0]! <= now - this.span) this.#times.shift();
-  }
-}
-
 interface Mark {
-  readonly time: number;
+  readonly value: number;
   readonly wallTime: number;
 }
 
-/** Measures the speed of a simulation from its frames. */
-export class SpeedMeter {
+/** Measures the slope of a quantity over the last second: simulated time, or pictures drawn. */
+export class Meter {
   #marks: Mark[] = [];
 
-  /** @param span - Wall time over which the speed is the mean [s]. */
+  /** @param span - Wall time over which the slope is the mean [s]. */
   constructor(readonly span = 1) {}
 
   /**
-   * @param time - Simulated time of a frame [s].
-   * @param wallTime - Wall time of the same frame, by the clock of the server [s].
+   * @param value - The quantity, which does not decrease.
+   * @param wallTime - When it had this value [s], by the clock of whoever measured it.
    */
-  add(time: number, wallTime: number): void {
+  add(value: number, wallTime: number): void {
     const last = this.#marks.at(-1);
-    if (last !== undefined && (wallTime <= last.wallTime || time < last.time)) {
+    if (last !== undefined && (wallTime <= last.wallTime || value < last.value)) {
       if (wallTime === last.wallTime) return;
-      // Another run of the server.
+      // The server has started again.
       this.#marks = [];
     }
-    this.#marks.push({ time, wallTime });
+    this.#marks.push({ value, wallTime });
     // The mark just outside the span stays, so that the span is always covered.
     while (this.#marks.length > 2 && this.#marks[1]!.wallTime <= wallTime - this.span) this.#marks.shift();
   }
@@ -53,11 +30,11 @@ export class SpeedMeter {
     this.#marks = [];
   }
 
-  /** Returns simulated seconds per second of wall time; null before there are two frames some time apart. */
+  /** Returns the slope [1/s]; null before there are two values some time apart. */
   get value(): number | null {
     const [first, last] = [this.#marks[0], this.#marks.at(-1)];
     if (first === undefined || last === undefined || last.wallTime - first.wallTime < 0.2 * this.span) return null;
-    return (last.time - first.time) / (last.wallTime - first.wallTime);
+    return (last.value - first.value) / (last.wallTime - first.wallTime);
   }
 }
 

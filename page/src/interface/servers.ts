@@ -87,9 +87,7 @@ export class Servers {
     if (this.#shown.has(server) === on) return;
     on ? this.#shown.add(server) : this.#shown.delete(server);
     this.source.watch(server, on);
-    const world = this.stage.worlds.get(server);
-    if (world !== undefined) world.root.visible = on;
-    this.stage.invalidate();
+    if (!on) this.stage.remove(server);
   }
 
   #remember(): void {

@@ -3,7 +3,7 @@ import type { Fields } from "../wire/protocol.ts";
 import type { Subscription } from "../wire/source.ts";
 import { element, setText } from "./element.ts";
 import { formatAge, formatSpeed, formatTime, fixed } from "./format.ts";
-import { AgeMeter, Rate, SpeedMeter } from "./rates.ts";
+import { AgeMeter, Meter } from "./rates.ts";
 
 /** How often the text is updated [ms]. */
 const PERIOD = 200;
@@ -34,13 +34,12 @@ export function install(app: App): void {
     age: cell("age", "Time from the state of the server to the picture"),
   };
   shell.status.append(...Object.values(cells));
-  const meter = new SpeedMeter();
+  const meter = new Meter();
   const ages = new AgeMeter();
-  const drawn = new Rate(2);
+  const drawn = new Meter(2);
   const lag = new LagWatch(app);
   let age = 0;
   let arrived = 0;
-  let renders = stage.drawn;
   source.listen({
     onFrame: (server) => {
       const { current, frame } = servers;
@@ -49,10 +48,6 @@ export function install(app: App): void {
       meter.add(frame.time, frame.wallTime);
       age = ages.age(frame.wallTime, Date.now() / 1000);
     },
-  });
-  stage.beforeDraw(() => {
-    if (stage.drawn !== renders) drawn.add(performance.now() / 1000);
-    renders = stage.drawn;
   });
   let server = servers.current?.id;
   const update = () => {
@@ -63,6 +58,7 @@ export function install(app: App): void {
     }
     const now = performance.now() / 1000;
     const { frame, info, paused } = servers;
+    drawn.add(stage.drawn, now);
     const { text, tone } = connection(app);
     setText(cells.connection, text);
     cells.connection.dataset["tone"] = tone;
@@ -78,7 +74,7 @@ export function install(app: App): void {
     cells.speed.dataset["tone"] = slow ? "warning" : "";
     setText(cells.resets, frame.epoch === 1 ? "1 reset" : `${frame.epoch} resets`);
     if (lag.value !== null) showLag(cells.lag, lag.value);
-    setText(cells.drawn, `${fixed(drawn.value(now), 0)} fps`);
+    setText(cells.drawn, `${fixed(drawn.value ?? 0, 0)} fps`);
     const silent = now - arrived;
     const stale = silent > STALE;
     setText(cells.age, stale ? `picture ${formatAge(silent)} old` : formatAge(age));
