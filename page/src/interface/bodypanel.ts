@@ -14,7 +14,7 @@ type Frame = "world" | "parent" | "root";
 
 /** Adds the panel with what is known of the selected body. */
 export function install({ shell, selection, settings }: App): void {
-  const content = shell.panel("Selection", { side: "left", icon: "eye", order: 30, open: true });
+  const content = shell.panel("Selection", { side: "left", icon: "pointer", order: 30, open: true });
   const empty = element(
     "p",
     { className: "hint" },

@@ -14,10 +14,10 @@ export function install(app: App): void {
   const fit = button({ icon: "fit", label: "Fit the model into the picture", key: "F", run: () => fitAll() });
   const follow = button({ icon: "follow", label: "Follow", key: "G", run: () => setFollow(followed === null) });
   const cameras = select({ label: "Camera", options: [], change: (value) => look(value) });
-  const home = button({ icon: "home", text: "Reset the camera", key: "Home", run: () => resetCamera() });
-  const fitSelected = button({ icon: "fit", text: "Fit the selection", key: "Shift + F", run: () => fitSelection() });
+  const home = button({ icon: "home", text: "Reset camera", key: "Home", run: () => resetCamera() });
+  const fitSelected = button({ icon: "fit", text: "Fit selection", key: "Shift + F", run: () => fitSelection() });
   const transparent = toggle({
-    text: "Transparent bodies",
+    text: "Transparent",
     hint: "Draws bodies that can move as transparent",
     change: (on) => all((world) => world.setTransparent(on)),
   });

@@ -2,6 +2,7 @@ import type { App } from "../app.ts";
 import { type Button, button, select } from "./controls.ts";
 import { element } from "./element.ts";
 import { formatSpeed } from "./format.ts";
+import { icon } from "./icons.ts";
 import { request, setParameter } from "./requests.ts";
 
 const SPEEDS: readonly (number | "max")[] = [0.1, 0.25, 0.5, 1, 2, 5, "max"];
@@ -46,6 +47,7 @@ export function install(app: App): void {
     },
   });
   keyframes.element.classList.add("keyframes");
+  keyframes.element.append(icon("keyframe"));
   const setSpeed = (speed: number | "max") =>
     shell.attempt(async () => {
       const { current } = servers;

@@ -9,11 +9,18 @@ const TEXTS: Readonly<Record<OverlayKind, string>> = {
   tendons: "Tendons",
   joints: "Joints",
   actuators: "Actuators",
-  com: "Centres of mass",
+  com: "Mass centres",
   inertia: "Inertia",
   rangefinders: "Rangefinders",
   frames: "Body frames",
-  perturbation: "Drags of all viewers",
+  perturbation: "All drags",
+};
+
+const HINTS: Partial<Readonly<Record<OverlayKind, string>>> = {
+  contact_forces: "Arrows, scaled as the model says",
+  com: "Of each tree of bodies",
+  inertia: "Boxes with the same inertia as the bodies",
+  perturbation: "The springs of all viewers that drag bodies",
 };
 
 /** Adds the overlays that the server draws, each requested only while it is on. */
@@ -26,6 +33,7 @@ export function install(app: App): void {
   const toggles = OVERLAY_KINDS.map((kind) =>
     toggle({
       text: TEXTS[kind],
+      hint: HINTS[kind] ?? "",
       change: (on) => {
         on ? wanted.add(kind) : wanted.delete(kind);
         update();
