@@ -51,6 +51,13 @@ export class Dragging {
     for (const name of ["pointerup", "pointercancel"] as const) {
       window.addEventListener(name, (event) => event.pointerId === this.#hold?.pointer && this.end(), early);
     }
+    // Not a shortcut, because Ctrl may still be pressed.
+    const escape = (event: KeyboardEvent) => {
+      if (event.key !== "Escape" || !this.end()) return;
+      event.preventDefault();
+      event.stopPropagation();
+    };
+    window.addEventListener("keydown", escape, early);
     window.addEventListener("blur", () => this.end());
     document.addEventListener("visibilitychange", () => document.hidden && this.end());
     for (const name of ["keydown", "keyup"] as const) {
@@ -235,13 +242,14 @@ export function install(app: App): void {
     turn: button({ icon: "turn", label: "Turn bodies with a drag or one finger", key: "T", run: () => choose("turn") }),
   };
   choose("off");
-  const group = "Mouse and touch";
+  const group = "Dragging";
   shell.tool("view", element("div", { className: "joined" }, buttons.pull.element, buttons.turn.element));
-  shell.shortcut({ key: "d", text: "Pull with a plain drag", group, run: () => buttons.pull.element.click() });
-  shell.shortcut({ key: "t", text: "Turn with a plain drag", group, run: () => buttons.turn.element.click() });
-  shell.gesture({ keys: "Ctrl + right drag", text: "Pull the selected body (Mac: ⌘ + drag)", group });
-  shell.gesture({ keys: "Ctrl + Shift + right drag", text: "Pull in the horizontal plane", group });
+  shell.shortcut({ key: "d", text: "Pull with a plain drag or one finger", group, run: () => buttons.pull.element.click() });
+  shell.shortcut({ key: "t", text: "Turn with a plain drag or one finger", group, run: () => buttons.turn.element.click() });
+  shell.gesture({ keys: "Ctrl + right drag", text: "Pull the selected body", group });
+  shell.gesture({ keys: "Shift", text: "While pulling: stay at this height", group });
   shell.gesture({ keys: "Ctrl + left drag", text: "Turn the selected body", group });
+  shell.gesture({ keys: "⌘ + drag", text: "Pull, on a Mac", group });
   servers.listen(() => {
     const reason = offReason(app);
     for (const { disable } of Object.values(buttons)) disable(reason);

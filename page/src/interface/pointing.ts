@@ -56,11 +56,12 @@ export function install(app: App): void {
     const body = world.pack.header.bodies.findIndex((entry) => entry.name === name);
     selection.select(name !== "" && body > 0 ? { world, body } : null);
   });
-  const escape = () => {
-    if (app.drag.end()) return;
-    selection.select(null);
-  };
-  shell.shortcut({ key: "Escape", text: "Let go, or deselect", group: "Selection", run: escape });
+  shell.shortcut({
+    key: "Escape",
+    text: "Let go of the body, or deselect it",
+    group: "Selection",
+    run: () => selection.select(null),
+  });
   const group = "Mouse and touch";
   shell.gesture({ keys: "Double click", text: "Select a body (touch: press long)", group });
   shell.gesture({ keys: "Left drag", text: "Orbit (touch: one finger)", group });
