@@ -244,8 +244,18 @@ export function install(app: App): void {
   choose("off");
   const group = "Dragging";
   shell.tool("view", element("div", { className: "joined" }, buttons.pull.element, buttons.turn.element));
-  shell.shortcut({ key: "d", text: "Pull with a plain drag or one finger", group, run: () => buttons.pull.element.click() });
-  shell.shortcut({ key: "t", text: "Turn with a plain drag or one finger", group, run: () => buttons.turn.element.click() });
+  shell.shortcut({
+    key: "d",
+    text: "Pull with a plain drag or one finger",
+    group,
+    run: () => buttons.pull.element.click(),
+  });
+  shell.shortcut({
+    key: "t",
+    text: "Turn with a plain drag or one finger",
+    group,
+    run: () => buttons.turn.element.click(),
+  });
   shell.gesture({ keys: "Ctrl + right drag", text: "Pull the selected body", group });
   shell.gesture({ keys: "Shift", text: "While pulling: stay at this height", group });
   shell.gesture({ keys: "Ctrl + left drag", text: "Turn the selected body", group });
