@@ -19,6 +19,8 @@ export interface ActuatorInfo {
   readonly name: string;
   /** Limits of each control, in the actuator's unit. */
   readonly controls: readonly (readonly [number, number] | null)[];
+  /** Id of the joint that it acts on, if it acts on one. */
+  readonly joint?: number | null;
 }
 
 /** `@view/info` of a server. */
