@@ -18,6 +18,7 @@ import { Settings } from "./interface/settings.ts";
 import { Shell } from "./interface/shell.ts";
 import { Stage } from "./scene/stage.ts";
 import { install as installScene } from "./scene/install.ts";
+import { install as installTopics } from "./topics/install.ts";
 import { Relay } from "./wire/relay.ts";
 
 /** Each feature adds itself to the page; the order is that of their controls. */
@@ -34,6 +35,7 @@ const features: ((app: App) => void)[] = [
   installBodyPanel,
   installPointing,
   installDrag,
+  installTopics,
   installHelp,
   installTheme,
 ];

@@ -128,7 +128,7 @@ def test_bodies_that_can_move_are_named_and_the_others_are_not(model, pack):
 def test_joints_and_actuators_have_their_limits(pack):
     assert pack.header["joints"][0] == {"name": "hinge", "type": "hinge", "body": 2, "range": [-1.0, 2.0]}
     assert pack.header["joints"][1]["range"] is None
-    assert pack.header["actuators"] == [{"name": "torque", "controls": [[-3.0, 4.0]]}]
+    assert pack.header["actuators"] == [{"name": "torque", "joint": 0, "controls": [[-3.0, 4.0]]}]
     assert pack.header["keyframes"] == ["up"]
     assert pack.header["name"] == "everything"
 

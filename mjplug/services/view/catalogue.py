@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 _JOINT_TYPES = {int(kind): kind.name.removeprefix("mjJNT_").lower() for kind in mujoco.mjtJoint.__members__.values()}
 
+_AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+
 
 def numbers(values: ArrayLike) -> Any:
     """Returns numbers as (nested) lists for JSON; a number that is NaN or infinite becomes None."""
@@ -26,7 +28,8 @@ def names(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list[str]:
 def catalogue(model: mujoco.MjModel) -> dict[str, Any]:
     """Returns the names and limits of bodies, joints, actuators, cameras and keyframes, each in the model's order.
 
-    Joint limits are in rad or m, control limits in the actuator's unit; None means unlimited.
+    Joint limits are in rad or m, control limits in the actuator's unit; None means unlimited. The joint of an actuator
+    is its id; None if the actuator does not act on a joint.
     """
     obj = mujoco.mjtObj
     return {
@@ -56,6 +59,7 @@ def _actuators(model: mujoco.MjModel) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
+            "joint": int(model.actuator_trnid[actuator][0]) if model.actuator_trntype[actuator] in _AT_JOINT else None,
             "controls": [
                 numbers(limits[control]) if limited[control] else None
                 for control in range(first[actuator], first[actuator] + number[actuator])

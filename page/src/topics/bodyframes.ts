@@ -8,15 +8,6 @@ const HISTORY = 180;
 /** From a camera of MuJoCo, which looks along -z, to an optical frame, which looks along z. */
 const OPTICAL = new Quaternion(1, 0, 0, 0);
 
-/** A site in the header of a drawing pack. */
-interface SiteEntry {
-  readonly name: string;
-  readonly body: number;
-  readonly pos: readonly number[];
-  /** w first */
-  readonly quat: readonly number[];
-}
-
 type Read = (frame: Frame) => Pose;
 
 /** Frames that are known without transforms: bodies, sites and cameras of a model, from the poses that are drawn. */
@@ -34,8 +25,7 @@ export class BodyFrames {
     });
     const { cameras } = world.info;
     cameras.forEach((name, camera) => name !== "" && this.#readers.set(`${name}_frame`, readCamera(camera)));
-    const { sites } = world.pack.header as { readonly sites?: readonly SiteEntry[] };
-    for (const { name, body, pos, quat } of sites ?? []) {
+    for (const { name, body, pos, quat } of world.pack.header.sites) {
       const offset = toPose(pos, quat);
       this.#readers.set(name, (frame) => compose(readers[body]!(frame), offset));
     }

@@ -13,8 +13,7 @@ export function install(app: App): void {
   // A recording contains poses only.
   if (app.source.recorded) return;
   const interfaces = new InterfaceList(app.source);
-  const topics = new TopicPanel(app, interfaces, new FrameFinder(app, interfaces), new ImageWindows(app));
-  const plots = new Plots(app, interfaces);
+  new TopicPanel(app, interfaces, new FrameFinder(app, interfaces), new ImageWindows(app));
+  new Plots(app, interfaces);
   installDrive(app, interfaces);
-  Object.assign(globalThis, { mjplugTopics: { topics, plots } });
 }
