@@ -8,3 +8,6 @@ MIN_TIMESTEP, MAX_TIMESTEP = 1e-9, 1e3
 
 MAX_SIMULATED_TIME = 2**31 - 1
 """Maximum simulated time [s], about 68 years: the maximum of `builtin_interfaces/Time`."""
+
+DEFAULT_VIEW_PORT = 8080
+"""TCP port of the page of the simulation view."""

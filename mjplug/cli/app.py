@@ -16,6 +16,7 @@ from mjplug.cli.interface import app as interface_app
 from mjplug.cli.keys import app as keys_app
 from mjplug.cli.model import app as model_app
 from mjplug.cli.node import app as node_app
+from mjplug.cli.optional_value import ViewPortCommand
 from mjplug.cli.output import complain, complain_of
 from mjplug.cli.param import app as param_app
 from mjplug.cli.plugin import app as plugin_app
@@ -52,12 +53,14 @@ app = typer.Typer(
     add_completion=False,
 )
 app.command(
+    cls=ViewPortCommand,
     epilog=examples(
         "mjplug serve config.yaml",
         "mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench",
         "mjplug serve ros_params.yaml --model scene.xml --speed max --duration 10",
         "mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)",
-    )
+        "mjplug serve bundled:arm --view      (shows it in a browser)",
+    ),
 )(serve)
 for group in (
     topic_app, service_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app,

@@ -84,6 +84,16 @@ def serve(
             help="Write this file when services answer (JSON: endpoint, server, pid); remove it at the end.",
         ),
     ] = None,
+    view: Annotated[
+        int | None,
+        typer.Option(
+            "--view",
+            metavar="[PORT]",
+            min=0,
+            max=65535,
+            help="Show the simulation in a browser on this machine: http://127.0.0.1:8080, or the next free port.",
+        ),
+    ] = None,
     verbose: Annotated[
         int, typer.Option("--verbose", "-v", count=True, show_default=False, help="Log more. Repeatable.")
     ] = 0,
@@ -100,6 +110,7 @@ def serve(
         from mjplug.cli.exit_codes import exit_code
         from mjplug.config.load import Option, read
         from mjplug.lifecycle import serve as lifecycle
+        from mjplug.lifecycle.view_process import check_view
         from mjplug.server.prepared import check as check_start
         from mjplug.server.prepared import prepare
 
@@ -115,6 +126,8 @@ def serve(
     sets += [_endpoints("listen", listen)] if listen else []
     sets += [_endpoints("connect", connect)] if connect else []
     sets += [_zenoh_config(zenoh_config)] if zenoh_config is not None else []
+    if view is not None:
+        check_view()
     with logging_to_stderr(-1 if quiet else verbose):
         draft = read(config, model=model, sets=sets)
         if check:
@@ -125,7 +138,7 @@ def serve(
         watchdog = StopWatchdog()
         watchdog.start()
         try:
-            lifecycle.serve(prepare(draft), duration, watchdog, ready_file, typer.echo)
+            lifecycle.serve(prepare(draft), duration, watchdog, ready_file, typer.echo, view)
             ending.code = 0
         except MjplugError as error:
             ending.code = exit_code(error)

@@ -11,8 +11,8 @@ from mjplug.cli.interrupt import exit_on_interrupt
 from mjplug.cli.names import complete_node
 from mjplug.cli.output import complain, say
 from mjplug.errors import MjplugError
-
-_DEFAULT_PORT = 8080
+from mjplug.lifecycle.ending import QuickEnd
+from mjplug.limits import DEFAULT_VIEW_PORT
 
 
 def view(
@@ -77,6 +77,7 @@ def view(
     if window:
         _window(connect, node or [], zenoh_config, wait or 0.0)
         return
+    ending = QuickEnd()
     with exit_on_interrupt():
         _import_websockets()
         from mjplug.log import logging_to_stderr
@@ -86,7 +87,7 @@ def view(
 
     nodes = tuple(f"/{name.removeprefix('/')}" for name in node or ())
     options = Options(nodes, read_only, tuple(origin or ()))
-    wanted = _DEFAULT_PORT if port is None else port
+    wanted = DEFAULT_VIEW_PORT if port is None else port
     listening = listen_on(listen, wanted)
     if wanted not in (0, listening.port):
         complain(f"port {wanted} is in use, so the page is at port {listening.port}")
@@ -98,6 +99,8 @@ def view(
     connecting = Connecting(connect, zenoh_config, float("inf") if wait is None else wait, _say_waiting)
     with logging_to_stderr(0):
         serve_view(connecting, listening, options, ready)
+    # The thread that connects may be inside Zenoh, where Python cannot end it.
+    ending.code = 0
 
 
 def _say_waiting(reason: str) -> None:
@@ -120,9 +123,9 @@ def _import_websockets() -> None:
     try:
         import websockets.asyncio.server  # noqa: F401
     except ImportError:
-        raise MjplugError(
-            "mjplug view needs websockets 14 or later. Install it with: pip install 'mjplug[view]'"
-        ) from None
+        from mjplug.view.notebook import NEEDS_WEBSOCKETS
+
+        raise MjplugError(NEEDS_WEBSOCKETS) from None
 
 
 def _open(url: str, wanted: bool | None) -> None:

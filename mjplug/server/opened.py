@@ -40,6 +40,7 @@ class OpenedServer:
         prepared: Its configuration, model and plugins.
         server: The loop, the services and the plugins.
         network: Its transport.
+        has_roles: Whether the Zenoh configuration file gives clients roles.
 
     Args:
         prepared: As above. It is closed with the server, and also if the server cannot be opened.
@@ -62,6 +63,7 @@ class OpenedServer:
                 wanted,
                 lambda: rehearse(prepared.loaded, simulation.model, prepared.plugins, model.path, prepared.name, ros2),
             )
+            self.has_roles = wanted.access_control is not None
             limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
             self.network: Network = open_network(wanted, prepared.name, limits, ros2=ros2)
             self._reason = "the server could not start"

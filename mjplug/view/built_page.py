@@ -39,11 +39,11 @@ class BuiltPage:
     """The files of the page, read again after they have changed.
 
     Args:
-        folder: Where they are.
+        folder: Where they are; None means `FOLDER`.
     """
 
-    def __init__(self, folder: Path = FOLDER) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = FOLDER if folder is None else folder
         self._cached: dict[str, tuple[int, PageFile]] = {}
 
     @property

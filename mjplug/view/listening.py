@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from mjplug.errors import WireError
 from mjplug.view.access import is_loopback
 
-DEFAULT_PORT = 8080
-"""The port if none is given."""
-
 _ATTEMPTS = 20
 """Number of ports that are tried, one after the other."""
 

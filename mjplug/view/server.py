@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -82,6 +83,7 @@ def serve_view(
     options: Options,
     ready: Callable[[str], None],
     page: BuiltPage | None = None,
+    until_closed: int | None = None,
 ) -> int:
     """Serves browsers until SIGINT or SIGTERM.
 
@@ -91,9 +93,10 @@ def serve_view(
         options: What the user chose; beyond loopback, a token is added.
         ready: Called with the URL when the page is served.
         page: The files of the page.
+        until_closed: A file descriptor; the relay also ends when the other end closes it.
 
     Returns:
-        The number of the signal that ended it.
+        The number of the signal that ended it; 0 if `until_closed` did.
 
     Raises:
         MjplugError: The page has not been built, or no server has been found in time.
@@ -103,11 +106,16 @@ def serve_view(
         raise MjplugError(MISSING)
     if not listening.loopback and options.token is None:
         options = replace(options, token=new_token())
-    return asyncio.run(_run(connecting, listening, options, ready, page))
+    return asyncio.run(_run(connecting, listening, options, ready, page, until_closed))
 
 
 async def _run(
-    connecting: Connecting, listening: Listening, options: Options, ready: Callable[[str], None], page: BuiltPage
+    connecting: Connecting,
+    listening: Listening,
+    options: Options,
+    ready: Callable[[str], None],
+    page: BuiltPage,
+    until_closed: int | None,
 ) -> int:
     loop = asyncio.get_running_loop()
     stopped: asyncio.Future[int] = loop.create_future()
@@ -116,8 +124,14 @@ async def _run(
         if not stopped.done():
             stopped.set_result(number)
 
+    def stop_at_end(descriptor: int) -> None:
+        if not os.read(descriptor, 4096):
+            stop(0)
+
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop, int(number))
+    if until_closed is not None:
+        loop.add_reader(until_closed, stop_at_end, until_closed)
     relay = Relay(options, page)
     found = connecting.start(loop)
     client: Client | None = None
