@@ -38,8 +38,6 @@ class View:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "mjplug", "view", "--no-open", *arguments],
             env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            # A test run in the background ignores the signal.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )  # fmt: skip
         self.out, self.err = Lines(self.process.stdout), Lines(self.process.stderr)
 
@@ -126,6 +124,7 @@ def _height(frame):
     return struct.unpack_from("<fff", frame, struct.calcsize("<ddIIHHHHI"))[2]
 
 
+@pytest.mark.slow
 def test_a_view_waits_for_a_server_and_says_so(new_view, opened, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as reserved:
         port = reserved.getsockname()[1]
@@ -163,6 +162,7 @@ def test_what_is_missing_is_named(new_view, options, sentence):
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_port_in_use_gives_way_to_the_next_one(new_environment, opened):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -184,14 +184,10 @@ def test_beyond_loopback_the_url_has_a_token(new_view):
         assert response.read() == b"<!doctype html><title>mjplug</title>"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_the_view_of_a_server_is_a_child_process_that_ends_with_it(new_environment, opened, tmp_path, number):
-    server = opened(
-        Served(
-            "bundled:box", "--view", "0", cwd=tmp_path, env=new_environment(), command=(sys.executable, "-m", "mjplug")
-        ),
-        "kill",
-    )
+    server = opened(Served("bundled:box", "--view", "0", cwd=tmp_path, env=new_environment()), "kill")
     url = server.out.wait_for(r"view · (\S+)", STARTING)[1]
     with ready_page(url) as page:
         assert [each["name"] for each in page.hello["servers"] or ()] in ([], ["/mjplug"])
@@ -208,7 +204,8 @@ def test_the_view_of_a_server_is_a_child_process_that_ends_with_it(new_environme
 def test_a_server_with_a_view_needs_the_page(new_environment, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "mjplug", "serve", "bundled:box", "--view"],
-        env=new_environment(folder="/nowhere"), cwd=tmp_path, capture_output=True, text=True, timeout=STARTING, check=False,
+        env=new_environment(folder="/nowhere"), cwd=tmp_path,
+        capture_output=True, text=True, timeout=STARTING, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, "")
     assert "the page has not been built" in done.stderr
