@@ -139,7 +139,7 @@ class Publishing:
         """Publishes the message in a `publish` request.
 
         Raises:
-            ClientError: The topic is unknown, or a message does not match its type.
+            ClientError: The topic is unknown, a message does not match its type, or access rules forbid to publish.
         """
         target = await self._target(message)
         timeout = message.get("timeout", STOP_TIMEOUT)
@@ -180,6 +180,8 @@ class Publishing:
         name = actual or given or ""
         # A type that only the server knows is sent as JSON.
         kind = known(name) if actual is not None else message_class(name)
+        for subscriber in topics[full].subscribers if actual is not None else ():
+            await self._network.permissions.require(servers.by_name(subscriber))
         target = _Target(names.key(full), kind)
         if actual is not None:
             self._targets[full, given or ""] = target

@@ -29,11 +29,11 @@ class Dragging:
         # By the key of the server.
         self._tokens: dict[str, Any] = {}
 
-    def drag(self, message: dict[str, Any]) -> None:
+    async def drag(self, message: dict[str, Any]) -> None:
         """Forwards a `drag` request.
 
         Raises:
-            ClientError: A field is invalid.
+            ClientError: A field is invalid, or the access rules of the server forbid drags.
         """
         server = self._network.servers.by_id(message.get("server"))
         if message.get("release") is True:
@@ -45,6 +45,7 @@ class Dragging:
                 content[name] = _vector(name, message[name], count)
         if "target" not in content and "rotate" not in content:
             raise ClientError("target and rotate are missing; give at least one of them, or release: true")
+        await self._network.permissions.require(server)
         if server.key not in self._tokens:
             # The server lets go when this token disappears with the session.
             token = self._network.session.liveliness().declare_token(f"{server.key}/@view/viewer/{self._viewer}")

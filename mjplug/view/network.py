@@ -10,6 +10,7 @@ from mjplug.client.types import find
 from mjplug.view.definitions import definitions, with_nested
 from mjplug.view.feeds import Feeds
 from mjplug.view.handoff import Handoff
+from mjplug.view.permission import Permissions
 from mjplug.view.queries import ask
 from mjplug.view.scenes import Scenes
 from mjplug.view.servers import Server, Servers
@@ -29,6 +30,7 @@ class Network:
         servers: The servers.
         feeds: The subscriptions.
         scenes: The drawing packs.
+        permissions: Whether this client may command a server.
 
     Args:
         session: An open session, which is not closed here.
@@ -47,6 +49,7 @@ class Network:
         self.session = session
         self.feeds = Feeds(session, handoff)
         self.scenes = Scenes(session)
+        self.permissions = Permissions(session)
         self._watched: dict[int, Watched] = {}
         self._on_change = on_change
         self.servers = Servers(session, handoff, chosen, self._changed)
@@ -89,6 +92,7 @@ class Network:
             watched.close()
         self.feeds.close()
         self.scenes.close()
+        self.permissions.close()
 
     async def _types(self, server: Server) -> dict[str, str]:
         try:
@@ -101,6 +105,7 @@ class Network:
             raise WrongTypeError(f"{server.name} sent a list of types that cannot be read: {error!r}") from None
 
     def _changed(self, server: Server) -> None:
+        self.permissions.forget(server)
         if server.id in self._watched:
             self._watched[server.id].server_changed()
         self._on_change()

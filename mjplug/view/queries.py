@@ -17,6 +17,10 @@ class RefusedError(ClientError):
     """The reply to a query is an error; the text is that of the reply."""
 
 
+class NoReplyError(TimedOutError):
+    """The query has ended without a reply, before its timeout: nobody has the key, or access rules drop the query."""
+
+
 async def ask(
     session: zenoh.Session, selector: str, timeout: float, payload: bytes | None = None, encoding: Any = None
 ) -> bytes:
@@ -31,7 +35,8 @@ async def ask(
 
     Raises:
         RefusedError: The reply is an error.
-        TimedOutError: There is no reply.
+        NoReplyError: The query has ended without a reply.
+        TimedOutError: There is no reply in time.
     """
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[zenoh.Reply | None] = loop.create_future()
@@ -59,7 +64,7 @@ async def ask(
     except TimeoutError:
         raise TimedOutError(f"no answer from {key} within {timeout:g} s") from None
     if reply is None:
-        raise TimedOutError(f"{key} did not answer; its server may have stopped, or does not permit this client to ask")
+        raise NoReplyError(f"{key} did not answer; its server may have stopped, or does not permit this client to ask")
     if reply.ok is None:
         assert reply.err is not None
         raise RefusedError(reply.err.payload.to_string())

@@ -134,6 +134,10 @@ class Servers:
         there = ", ".join(f"{server.id} ({server.name})" for server in self._servers.values())
         raise ClientError(f"server is {shown(id)}; " + (f"there are: {there}" if there else "there is none yet"))
 
+    def by_name(self, name: str) -> Server:
+        """Returns a server by its full name, which exists."""
+        return self._servers[name]
+
     def resolve(self, name: object, id: object) -> str:
         """Returns a full name; `~` is the server with an id, or the only one.
 

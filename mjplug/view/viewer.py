@@ -316,7 +316,7 @@ class Viewer:
     async def _drag(self, message: dict[str, Any]) -> None:
         if self._read_only:
             raise ClientError(f"dragging is refused: {READ_ONLY}")
-        self._dragging.drag(message)
+        await self._dragging.drag(message)
 
     def _close(self) -> None:
         if self._network is None:

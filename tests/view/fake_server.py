@@ -8,6 +8,7 @@ import threading
 import zenoh
 from zenoh.handlers import Callback
 
+from mjplug_schemas.rcl_interfaces import SetParameters
 from mjplug_schemas.registry import find
 from mjplug_schemas.rihs01 import type_hash
 
@@ -20,6 +21,7 @@ class FakeServer:
     Attributes:
         hash: The hash of its drawing pack.
         queried: How often each part of the view was queried.
+        permits: Whether clients may command it.
         received: Payloads that came in on its topics and on `@view/drag`, by key.
     """
 
@@ -44,10 +46,12 @@ class FakeServer:
             self._queryable(f"{self.key}/@view/info", lambda query: json.dumps(self.info).encode()),
             self._queryable(f"{self.key}/@view/scene", lambda query: self.pack),
             self._subscribe(f"{self.key}/@view/drag"),
+            self._queryable(f"{self.key}/set_parameters", self._set_parameters),
             *(self._subscribe(topic[1:]) for topic in self._subscribed),
             *(self._queryable(service[1:], answer) for service, (_, answer) in self._services.items()),
         ]
         self._publishers = {}
+        self.permits = True
         self.token = self.session.liveliness().declare_token(f"@mjplug/{self.key}/{self.session.info.zid()}")
 
     def publisher(self, key):
@@ -122,6 +126,10 @@ class FakeServer:
                 self._arrived.notify_all()
 
         return self.session.declare_subscriber(key, Callback(receive, indirect=False))
+
+    def _set_parameters(self, query):
+        assert SetParameters.Request.from_cdr(bytes(query.payload)).parameters == ()
+        return bytes(SetParameters.Response().to_cdr()) if self.permits else None
 
     def _interfaces(self, query):
         def topic(name, type, direction):

@@ -190,6 +190,19 @@ def test_an_invalid_drag_is_refused(ready, fields, reason):
     assert ready.refused(op="drag", server=0, **fields) == reason
 
 
+def test_a_client_that_may_only_look_is_told_so(ready, commanded):
+    commanded.permits = False
+    sentence = "/mjplug permits this view only to look: its access rules give the client"
+    for request in (
+        {"op": "drag", "server": 0, "body": 1, "target": [0, 0, 0]},
+        {"op": "publish", "topic": "/cmd_vel", "message": {}},
+    ):
+        for _ in range(2):
+            assert ready.refused(**request).startswith(sentence)
+    assert commanded.queried["mjplug/set_parameters"] == 1
+    assert not commanded.received
+
+
 def test_a_read_only_view_reads_and_refuses_everything_else(new_ready_page, commanded, requests):
     page = new_ready_page(read_only=True)
     assert page.hello["read_only"] is True
