@@ -35,6 +35,9 @@ _FORMATS: dict[str, tuple[str, int, int | None]] = {
 }
 """Type of the numbers, number of channels, and conversion to the order of OpenCV, by ROS encoding."""
 
+_DEPTH_HEADER = struct.Struct("<iff")
+"""Header of an image in the format compressedDepth: its kind, and the two constants of the quantisation."""
+
 _DEPTHS = ("16UC1", "32FC1")
 
 
@@ -51,10 +54,7 @@ def encode(type: str, cdr: bytes) -> bytes:
     """
     if type == CompressedImage.TYPE:
         compressed = CompressedImage.from_cdr(cdr)
-        pixels: Any = cv2.imdecode(np.frombuffer(compressed.data, np.uint8), cv2.IMREAD_UNCHANGED)
-        if pixels is None:
-            raise WrongTypeError(f"an image in the format {compressed.format!r} cannot be decoded")
-        stamp = compressed.header.stamp
+        pixels, stamp = _decompressed(compressed), compressed.header.stamp
     else:
         image = Image.from_cdr(cdr)
         pixels, stamp = _pixels(image), image.header.stamp
@@ -71,6 +71,26 @@ def encode(type: str, cdr: bytes) -> bytes:
         _, file = cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
     seconds = stamp.sec + stamp.nanosec / 1e9
     return _HEADER.pack(pixels.shape[1], pixels.shape[0], width, height, seconds) + file.tobytes()
+
+
+def _decompressed(image: CompressedImage) -> NDArray[np.uint8]:
+    """Returns the pixels of a compressed image, as `_pixels` does."""
+    depth = "compressedDepth" in image.format
+    data = np.frombuffer(image.data, np.uint8)[_DEPTH_HEADER.size if depth else 0 :]
+    try:
+        pixels: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    except cv2.error:
+        pixels = None
+    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+        raise WrongTypeError(f"an image in the format {image.format!r} cannot be decoded")
+    if not depth:
+        return np.asarray(pixels if pixels.dtype == np.uint8 else pixels >> 8, np.uint8)
+    if image.format.startswith("32FC1"):
+        # The file contains the inverse of the depth, scaled.
+        _, scale, offset = _DEPTH_HEADER.unpack_from(image.data)
+        with np.errstate(divide="ignore"):
+            pixels = np.where(pixels > 0, scale / (pixels.astype(np.float32) - offset), 0.0)
+    return _coloured(pixels)
 
 
 def _pixels(image: Image) -> NDArray[np.uint8]:
