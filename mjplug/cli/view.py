@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -64,6 +65,22 @@ def view(
             "--window", help="Use MuJoCo's own window instead of a browser; needs the MuJoCo version of the server."
         ),
     ] = False,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.html",
+            dir_okay=False,
+            help="Record into one HTML file, which any browser plays without a server; Ctrl-C completes it.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(min=0.1, metavar="SECONDS", help="With --record: wall time to record.  [default: until Ctrl-C]"),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=60.0, metavar="HZ", help="With --record: maximum frames per second.  [default: 30]"),
+    ] = None,
     wait: Annotated[
         float | None,
         typer.Option(min=0.0, metavar="SECONDS", help="How long to wait for a server.  [default: without limit]"),
@@ -74,6 +91,13 @@ def view(
 
     Serves a page with the servers of a network until Ctrl-C. It needs neither MuJoCo nor a graphics card.
     """
+    if record is None and (duration is not None or rate is not None):
+        raise MjplugError("--duration and --rate belong to --record FILE.html")
+    if window and record is not None:
+        raise MjplugError("--window and --record exclude each other; run the command twice")
+    if record is not None:
+        _record(connect, node or [], zenoh_config, wait or 0.0, record, rate, duration)
+        return
     if window:
         _window(connect, node or [], zenoh_config, wait or 0.0)
         return
@@ -107,15 +131,56 @@ def _say_waiting(reason: str) -> None:
     complain(f"waiting for a server: {reason}")
 
 
-def _window(endpoint: str | None, nodes: list[str], zenoh_config: str | None, wait: float) -> None:
+def _only(nodes: list[str], what: str) -> str:
+    """Returns the one server that was chosen; empty if none was."""
     if len(nodes) > 1:
-        raise MjplugError(f"a window shows one server, but {len(nodes)} are given with --node")
+        raise MjplugError(f"{what} shows one server, but {len(nodes)} are given with --node")
+    return nodes[0] if nodes else ""
+
+
+def _record(
+    endpoint: str | None,
+    nodes: list[str],
+    zenoh_config: str | None,
+    wait: float,
+    path: Path,
+    rate: float | None,
+    duration: float | None,
+) -> None:
+    server = _only(nodes, "a recording")
+    with exit_on_interrupt():
+        from mjplug.view.recorder import Limits, Progress, record
+
+    limits = Limits(30.0 if rate is None else rate, float("inf") if duration is None else duration)
+    live = sys.stderr is not None and sys.stderr.isatty()
+
+    def text(progress: Progress) -> str:
+        lost = f", {progress.lost} lost" if progress.lost else ""
+        return f"{progress.seconds:.1f} s, {progress.frames} frames{lost}, {progress.size / 1e6:.2f} MB"
+
+    def report(progress: Progress) -> None:
+        if live:
+            silent = " · the server sends nothing" if progress.silent else ""
+            # Clears the rest of the line.
+            sys.stderr.write(f"\rrecording · {text(progress)}{silent}\033[K")
+            sys.stderr.flush()
+
+    with client(endpoint, server, zenoh_config, wait) as found:
+        name = f"/{server.removeprefix('/')}" if server else found.server.name
+        done = record(found, name, path, limits, report)
+    if live:
+        sys.stderr.write("\r\033[K")
+    say(f"{path}: {text(done)}")
+
+
+def _window(endpoint: str | None, nodes: list[str], zenoh_config: str | None, wait: float) -> None:
+    server = _only(nodes, "a window")
     with exit_on_interrupt():
         from mjplug.window import run_window
         from mjplug.window.screen import check_screen
 
     check_screen(os.environ)
-    with client(endpoint, nodes[0] if nodes else "", zenoh_config, wait) as found:
+    with client(endpoint, server, zenoh_config, wait) as found:
         run_window(found, report=complain)
 
 

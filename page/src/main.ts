@@ -1,4 +1,5 @@
 import "./style.css";
+import "./recording/player.css";
 import type { App } from "./app.ts";
 import { install as installBodies } from "./interface/bodies.ts";
 import { install as installBodyPanel } from "./interface/bodypanel.ts";
@@ -16,6 +17,8 @@ import { Selection } from "./interface/selection.ts";
 import { Servers } from "./interface/servers.ts";
 import { Settings } from "./interface/settings.ts";
 import { Shell } from "./interface/shell.ts";
+import { openRecording } from "./recording/open.ts";
+import { install as installPlayer } from "./recording/player.ts";
 import { Stage } from "./scene/stage.ts";
 import { install as installScene } from "./scene/install.ts";
 import { install as installTopics } from "./topics/install.ts";
@@ -36,17 +39,21 @@ const features: ((app: App) => void)[] = [
   installPointing,
   installDrag,
   installTopics,
+  installPlayer,
   installHelp,
   installTheme,
 ];
+/** Features that need a server, so a recording is shown without them. */
+const live = [installControl, installOverlays, installDrag, installTopics];
 
 const socket = new URL("socket", document.baseURI);
 socket.protocol = socket.protocol.replace("http", "ws");
-const source = new Relay(socket);
+const recording = openRecording();
+const source = recording ?? new Relay(socket);
 const settings = new Settings("mjplug.");
 const shell = new Shell(document.body, settings);
 const stage = new Stage(shell.stageElement, source);
 const servers = new Servers(source, stage, settings);
 const shared = { source, shell, stage, servers, settings, selection: new Selection() };
 const app: App = { ...shared, drag: new Dragging(shared) };
-for (const install of features) install(app);
+for (const install of features) if (recording === null || !live.includes(install)) install(app);

@@ -63,6 +63,7 @@ export function install(app: App): void {
     setText(cells.connection, text);
     cells.connection.dataset["tone"] = tone;
     for (const part of [cells.state, cells.time, cells.speed, cells.resets, cells.age]) part.hidden = frame === null;
+    if (source.recorded) cells.age.hidden = true;
     cells.lag.hidden = frame === null || lag.value === null;
     document.title = title(app);
     if (frame === null) return;
@@ -102,6 +103,7 @@ export function connection({ source, servers }: App): { text: string; tone: "ok"
   if (!source.state.connected) return { text: source.state.text, tone: "error" };
   if (current === null) return { text: "No server found yet; waiting for one", tone: "warning" };
   if (!current.connected) return { text: `${current.name} is gone; waiting for it`, tone: "error" };
+  if (source.recorded) return { text: `${current.name} · recording`, tone: "ok" };
   return { text: source.readOnly ? `${current.name} · read-only` : current.name, tone: "ok" };
 }
 
