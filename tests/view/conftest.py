@@ -1,5 +1,7 @@
-"""Relays, servers without physics, and pages without a browser."""
+"""Relays, servers without physics, pages without a browser, and Chromium."""
 
+import os
+import shutil
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -7,6 +9,7 @@ import pytest
 import zenoh
 from view.fake_server import FakeServer
 from view.page_client import Page
+from view.studio import PAGE, Server, Studio
 
 from mjplug.client import Client
 from mjplug.view.background import BackgroundRelay
@@ -14,6 +17,9 @@ from mjplug.view.built_page import BuiltPage
 from mjplug.view.listening import listen
 from mjplug.view.relay import Options
 from mjplug.wire.session import SessionSettings, open_router
+
+CHROMIUM = "/usr/bin/chromium"
+ARGUMENTS = ["--no-sandbox", "--disable-dev-shm-usage"]
 
 
 @pytest.fixture
@@ -90,3 +96,42 @@ def _client(endpoint):
     config.insert_json5("connect/endpoints", f'["{endpoint}"]')
     config.insert_json5("scouting/multicast/enabled", "false")
     return Client(zenoh.open(config), endpoint)
+
+
+def unavailable(reason):
+    """Skips a test, or lets it fail where everything has to be there."""
+    if os.environ.get("CI"):
+        pytest.fail(f"{reason}, but CI is set")
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium without a window; one for all tests of a process."""
+    if not shutil.which(CHROMIUM):
+        unavailable(f"{CHROMIUM} is missing (apt-get install chromium)")
+    if not (PAGE / "page.js").exists():
+        unavailable("the page is not built (make page)")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def studio(browser):
+    """Opens the page with models; the page must report no error and ask no other host."""
+    opened = []
+
+    def open_studio(*models, **arguments):
+        servers = [m if isinstance(m, Server) else Server(m, name=f"/robot{i}/mjplug") for i, m in enumerate(models)]
+        opened.append(Studio(browser, servers, **arguments))
+        return opened[-1]
+
+    yield open_studio
+    for page in opened:
+        page.close()
+    assert [error for page in opened for error in page.errors] == []
+    assert [url for page in opened for url in page.foreign] == []

@@ -9,7 +9,7 @@ ALL_FEATURES = """
     <global azimuth="120" elevation="-25" offwidth="1280" offheight="960"/>
     <headlight ambient=".3 .3 .3" diffuse=".4 .4 .4" specular=".2 .2 .2"/>
     <rgba haze=".5 .6 .7 1"/>
-    <map zfar="20"/>
+    <map zfar="20" force=".03"/>
   </visual>
   <asset>
     <texture name="sky" type="skybox" builtin="gradient" rgb1=".4 .6 .8" rgb2=".1 .1 .2" width="64" height="384"/>
@@ -51,7 +51,7 @@ ALL_FEATURES = """
     <geom name="ball" type="sphere" size=".2" pos="0 -1.4 .2" material="stripes"/>
     <geom name="crate" type="box" size=".15 .2 .2" pos=".6 -1.4 .2" material="stripes"/>
     <geom name="lantern" type="sphere" size=".12" pos="1.2 -1.4 .3" material="glowing"/>
-    <geom name="hidden" type="box" size=".3 .3 .3" pos="0 0 2.5" group="3" rgba="1 0 0 1"/>
+    <geom name="hidden" type="box" size=".2 .2 .2" pos="-.8 .8 .8" group="3" rgba="1 0 0 1"/>
     <site name="mark" type="box" size=".05 .05 .05" pos="0 -.1 .05" rgba="1 0 1 1"/>
     <site name="anchor" pos="-.3 1.2 1.2" size=".04" rgba="1 1 0 1"/>
     <body name="swing" pos="0 1.2 .7"><joint name="swing" axis="0 1 0" damping=".1"/>

@@ -115,7 +115,8 @@ class Studio:
     def evaluate(self, code, arg=None):
         """Evaluates JavaScript with `stage` and `world`, the world of the first server."""
         return self.page.evaluate(
-            f"arg => {{ const stage = window.mjplug.app.stage; const world = stage.worlds.get(0); return {code}; }}", arg
+            f"arg => {{ const stage = window.mjplug.app.stage; const world = stage.worlds.get(0); return {code}; }}",
+            arg,
         )
 
     def redraw(self, code="null", arg=None):

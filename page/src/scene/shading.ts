@@ -42,6 +42,8 @@ export class Shading extends MeshPhongMaterial {
       flatShading: options.flat ?? false,
       side: options.doubleSided === true ? DoubleSide : FrontSide,
     });
+    // Otherwise three.js draws both sides one after the other, and turns the normals of one of them.
+    this.forceSinglePass = true;
     const [red, green, blue, alpha] = look.rgba;
     this.color.setRGB(red, green, blue);
     this.#alpha = alpha;
