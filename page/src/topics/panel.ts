@@ -14,6 +14,8 @@ interface Row {
   readonly toggle: Toggle;
   readonly status: HTMLElement;
   readonly options: HTMLElement;
+  /** Folds the options. */
+  readonly fold: HTMLElement;
 }
 
 /** The panel with the topics that can be shown in the scene or as pictures. What is shown survives a reload. */
@@ -89,9 +91,15 @@ export class TopicPanel {
     const { name, type } = entry;
     const control = toggle({ text: name, hint: type, change: (on) => this.#show(name, on) });
     const status = element("p", { className: "hint topic-status" });
-    const options = element("div", { className: "topic-options", hidden: true });
-    const row = element("div", { className: "topic" }, control.element, status, options);
-    this.#rows.set(name, { entry, element: row, toggle: control, status, options });
+    const options = element("div", {});
+    const fold = element(
+      "details",
+      { className: "topic-options", hidden: true },
+      element("summary", {}, "Options"),
+      options,
+    );
+    const row = element("div", { className: "topic" }, control.element, status, fold);
+    this.#rows.set(name, { entry, element: row, toggle: control, status, options, fold });
     setText(status, shortType(type));
     if (this.#wanted.has(name)) this.#show(name, true);
   }
@@ -117,12 +125,13 @@ export class TopicPanel {
       const layer = new Layer(this.app, row.entry, this.finder, this.#colours);
       this.#colours += 1;
       this.#layers.set(name, layer);
-      row.options.replaceChildren(...(layer.display.controls?.() ?? []).map((control) => control.element));
+      const controls = (layer.display.controls?.() ?? []).map((control) => control.element);
+      row.options.replaceChildren(...controls);
     } else if (!on) {
       this.#layers.get(name)?.close();
       this.#layers.delete(name);
     }
-    row.options.hidden = !on || row.options.childElementCount === 0;
+    row.fold.hidden = !this.#layers.has(name) || row.options.childElementCount === 0;
     this.#describe();
   }
 

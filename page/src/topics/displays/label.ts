@@ -37,7 +37,7 @@ export function label(text: string, { height, colour, ground }: LabelOptions): S
   const map = new CanvasTexture(canvas);
   const material = new SpriteMaterial({ map, sizeAttenuation: height !== undefined, depthTest: height !== undefined });
   const sprite = unpickable(new Sprite(material));
-  const scale = height === undefined ? 0.022 / HEIGHT : height / (CAPITAL * HEIGHT);
+  const scale = height === undefined ? 0.0135 / HEIGHT : height / (CAPITAL * HEIGHT);
   sprite.scale.set(scale * canvas.width, scale * canvas.height, 1);
   return sprite;
 }

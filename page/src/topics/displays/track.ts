@@ -141,7 +141,7 @@ export class OdometryDisplay extends PoseDisplay {
     if (this.#points.length > 3 * MOST) this.#points.splice(0, 300);
     this.#time = time ?? this.#time;
     const { transforms } = this.context;
-    if (!transforms.has(child_frame_id) && !transforms.frames.has(header.frame_id)) {
+    if (!transforms.frames.has(header.frame_id)) {
       // Nobody publishes this transform, but the message contains it.
       this.context.placement.imply(header.frame_id, child_frame_id, inverse(at));
     }
