@@ -33,7 +33,7 @@ with zenoh.open(config) as session:
 
 
 @contextmanager
-def _process(*command: str) -> Iterator[str]:
+def serving_process(*command: str) -> Iterator[str]:
     """Runs a server inside the `with` block and yields its endpoint."""
     process = subprocess.Popen(
         [sys.executable, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
@@ -67,8 +67,8 @@ def results() -> list[Result]:
     bare_arguments = ("-c", _BARE, with_free_port(free), answer.hex())
     served_arguments = ("-m", "mjplug", "serve", SMALL, "--listen", free)
     with (
-        _process(*bare_arguments) as bare_at,
-        _process(*served_arguments) as served_at,
+        serving_process(*bare_arguments) as bare_at,
+        serving_process(*served_arguments) as served_at,
         client(bare_at) as bare,
         client(served_at) as served,
     ):
