@@ -4,9 +4,10 @@ import json
 import struct
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 _HEADER = struct.Struct("<BBHIQ")
@@ -25,7 +26,10 @@ class Page:
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
         self.frames = self.frame_bytes = 0
-        self.viewer = json.loads(socket.recv(10.0))["viewer"]
+        hello = message = json.loads(socket.recv(10.0))
+        self.viewer = hello["viewer"]
+        while not any(server["connected"] for server in message.get("servers", [])):
+            message = json.loads(socket.recv(10.0))
         self._first = threading.Event()
         self._thread = threading.Thread(target=self._receive, daemon=True)
         self._thread.start()
@@ -37,15 +41,16 @@ class Page:
         self._socket.send(json.dumps(message))
 
     def _receive(self) -> None:
-        for message in self._socket:
-            if isinstance(message, str):
-                continue
-            kind, _, _, batch, _ = _HEADER.unpack_from(message)
-            if kind == _FRAME:
-                self.frames += 1
-                self.frame_bytes = len(message) - _HEADER.size
-                self._first.set()
-            self.send(op="ack", batch=batch)
+        with suppress(ConnectionClosed):
+            for message in self._socket:
+                if isinstance(message, str):
+                    continue
+                kind, _, _, batch, _ = _HEADER.unpack_from(message)
+                if kind == _FRAME:
+                    self.frames += 1
+                    self.frame_bytes = len(message) - _HEADER.size
+                    self._first.set()
+                self.send(op="ack", batch=batch)
 
 
 @contextmanager
