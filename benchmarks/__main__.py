@@ -17,6 +17,7 @@ from benchmarks import (
     rmw_zenoh,
     round_trip,
     steps,
+    view,
 )
 from benchmarks.measure import Result
 
@@ -41,7 +42,19 @@ def _table(results: list[Result]) -> str:
 def main() -> int:
     """Runs all measurements; returns 0 even if a goal is missed, because the machine may be busy."""
     results: list[Result] = []
-    for part in (steps, publication, rmw_zenoh, free_joints, joints, lidar, camera, camera_busy, round_trip, lateness):
+    for part in (
+        steps,
+        publication,
+        rmw_zenoh,
+        free_joints,
+        joints,
+        lidar,
+        camera,
+        camera_busy,
+        round_trip,
+        lateness,
+        view,
+    ):
         print(f"measuring {part.__name__.removeprefix('benchmarks.')} ...", file=sys.stderr, flush=True)
         results += part.results()
     versions = ", ".join(f"{name} {version(name)}" for name in ("mjplug", "mujoco", "eclipse-zenoh", "numpy"))

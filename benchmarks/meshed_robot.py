@@ -4,9 +4,7 @@ BODIES = 40
 
 
 def meshed_robot() -> str:
-    """Returns the MJCF of a tree of 40 hinged bodies with 40 different meshes of 2562 vertices each, and a free box, above
-    a floor.
-    """
+    """Returns the MJCF of 40 hinged bodies with a mesh of 2562 vertices each, and of a free box, above a floor."""
     meshes = "".join(
         f'<mesh name="m{i}" builtin="supersphere" params="50 {0.5 + i / BODIES:.3f} 1" scale=".05 .05 .08"/>'
         for i in range(BODIES)
@@ -31,6 +29,7 @@ def _chain(first: int) -> str:
         place = f"{first / 40:.2f} 0 2" if index == first else "0 0 -.16"
         bodies = (
             f'<body name="b{index}" pos="{place}"><joint type="hinge" axis="0 1 0" damping=".1"/>'
-            f'<geom type="mesh" mesh="m{index}" mass=".5" contype="0" conaffinity="0" rgba=".3 .4 .6 1"/>{bodies}</body>'
+            f'<geom type="mesh" mesh="m{index}" mass=".5" contype="0" conaffinity="0" rgba=".3 .4 .6 1"/>'
+            f"{bodies}</body>"
         )
     return bodies

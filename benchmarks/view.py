@@ -33,7 +33,7 @@ _TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def results() -> list[Result]:
-    """Measures a robot of 40 bodies with meshes. Pages draw nothing, except for the first picture, which needs Chromium."""
+    """Measures a robot of 40 bodies with meshes. Pages draw nothing, except for the first picture in Chromium."""
     with tempfile.TemporaryDirectory() as folder:
         model = Path(folder, "meshed_robot.xml")
         model.write_text(meshed_robot(), encoding="utf-8")

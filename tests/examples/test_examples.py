@@ -176,6 +176,24 @@ def test_what_the_lidars_see_is_drawn(ran):
     assert 0.2 < (image == (28, 22, 18)).all(axis=2).mean() < 0.8
 
 
+def test_the_figure_eight_is_two_circles_and_its_recording_is_a_page(ran):
+    printed = ran("13_view").stdout
+    if left_out(printed):
+        pytest.skip("the page is not built (make page)")
+    driven, left, right, rest = numbers(
+        r"drove (\S+) m .*, (\S+) m to the left and (\S+) m to .* ended (\S+) m", printed
+    )
+    # 1 m/s for 310 odometry messages at 50 Hz; circles of 1 m diameter.
+    assert driven == pytest.approx(6.2, abs=0.15)
+    assert (left, right) == (pytest.approx(1.0, abs=0.05), pytest.approx(1.0, abs=0.05))
+    assert rest < 0.2
+    recording = Path(re.search(r"^open it in a browser: (.*)$", printed, re.MULTILINE)[1]).read_text("utf-8")
+    assert recording.startswith("<!doctype html>")
+    seconds, frames = numbers(r"^figure_eight.html: (\S+) s, (\d+) frames", printed)
+    assert seconds == pytest.approx(8.0, abs=1.5)
+    assert frames > 8
+
+
 def test_the_tower_falls_and_stands_again(ran):
     printed = ran("05_free_joints").stdout
     (before,) = numbers(r"the top block is at (\S+) m", printed)
