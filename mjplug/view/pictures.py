@@ -52,6 +52,7 @@ def encode(type: str, cdr: bytes) -> bytes:
         WrongTypeError: The image has a format that cannot be shown.
         CodecError: The message is not valid.
     """
+    pixels: Any
     if type == CompressedImage.TYPE:
         compressed = CompressedImage.from_cdr(cdr)
         pixels, stamp = _decompressed(compressed), compressed.header.stamp
