@@ -1,7 +1,10 @@
 """The view in a Jupyter notebook, whose cells run in a kernel of their own."""
 
 import asyncio
+import functools
+import http.server
 import re
+import threading
 import urllib.error
 import urllib.request
 
@@ -90,3 +93,31 @@ def test_the_html_contains_the_address_escaped():
     html = InlineView('http://h/"><script>', 300, None)._repr_html_()
     assert "<script>" not in html
     assert 'height="300"' in html
+
+
+@pytest.mark.slow
+def test_the_page_draws_in_a_frame_of_a_notebook_from_another_site(browser, opened, tmp_path):
+    from mjplug.client import connect
+    from mjplug.view import view
+
+    server = opened(Served("bundled:box", cwd=tmp_path), "kill")
+    shown = opened(view(opened(connect(server.endpoint))))
+    (tmp_path / "notebook.html").write_text(f"<!doctype html>{shown._repr_html_()}")
+    files = functools.partial(Quiet, directory=str(tmp_path))
+    notebooks = opened(http.server.ThreadingHTTPServer(("127.0.0.1", 0), files), "server_close")
+    threading.Thread(target=notebooks.serve_forever, daemon=True).start()
+    page = browser.new_page()
+    try:
+        # For a browser, `localhost` and `127.0.0.1` are different sites.
+        page.goto(f"http://localhost:{notebooks.server_port}/notebook.html")
+        frame = page.wait_for_selector("iframe").content_frame()
+        assert frame.url == shown.url
+        frame.wait_for_function("() => window.mjplug?.app.stage.worlds.size >= 1", timeout=60_000)
+    finally:
+        page.close()
+        notebooks.shutdown()
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
