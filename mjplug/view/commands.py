@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,8 @@ from mjplug.view.values import shown
 from mjplug.wire.discovery.format import ServiceInfo
 from mjplug.wire.encoding import encoding_of
 from mjplug_schemas import names
+
+_log = logging.getLogger(__name__)
 
 MAX_CALLS = 32
 """Maximum number of service calls of one page that wait for their response."""
@@ -151,10 +154,12 @@ class Publishing:
         if stop is not None and target.key not in self._stops and len(self._stops) >= MAX_STOPS:
             raise ClientError(f"there are `stop` messages for {MAX_STOPS} topics, which is the maximum")
         self._forget(target.key)
-        self._put(target.key, payload, encoding)
+        sent = self._network.publish(target.key, payload, encoding)
         if stop is not None:
             timer = asyncio.get_running_loop().call_later(timeout, self._stop, target.key)
             self._stops[target.key] = timer, *stop
+        # A page that publishes faster than the link waits here.
+        await sent
 
     def close(self) -> None:
         """Publishes all `stop` messages that have not been published."""
@@ -190,17 +195,13 @@ class Publishing:
     def _stop(self, key: str) -> None:
         timer, payload, encoding = self._stops.pop(key)
         timer.cancel()
-        self._put(key, payload, encoding)
+        self._network.publish(key, payload, encoding).add_done_callback(_report)
 
     def _forget(self, key: str) -> None:
         if key in self._stops:
             self._stops.pop(key)[0].cancel()
 
-    def _put(self, key: str, payload: bytes, encoding: Any) -> None:
-        self._network.session.put(
-            key,
-            payload,
-            encoding=encoding,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.INTERACTIVE_HIGH,
-        )
+
+def _report(sent: "asyncio.Future[None]") -> None:
+    if not sent.cancelled() and (error := sent.exception()) is not None:
+        _log.error("a `stop` message could not be published: %s", error)

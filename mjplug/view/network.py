@@ -1,7 +1,10 @@
 """What all pages share of one Zenoh network."""
 
+import asyncio
 import json
 from collections.abc import Callable, Collection
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import zenoh
 
@@ -50,6 +53,7 @@ class Network:
         self.feeds = Feeds(session, handoff)
         self.scenes = Scenes(session)
         self.permissions = Permissions(session)
+        self._sender = ThreadPoolExecutor(1, thread_name_prefix="view publishes")
         self._watched: dict[int, Watched] = {}
         self._on_change = on_change
         self.servers = Servers(session, handoff, chosen, self._changed)
@@ -85,14 +89,35 @@ class Network:
             for name, part in zip(names, parts, strict=False)
         }
 
+    def publish(self, key: str, payload: bytes, encoding: Any) -> "asyncio.Future[None]":
+        """Publishes a message, after those before it, on a thread: on a full link, it waits.
+
+        Args:
+            key: The key.
+            payload: The payload.
+            encoding: Its encoding.
+        """
+        return asyncio.wrap_future(self._sender.submit(self._put, key, payload, encoding))
+
     def close(self) -> None:
         """Ends all subscriptions and queries; the session stays open."""
+        # The last messages stop robots.
+        self._sender.shutdown()
         self.servers.close()
         for watched in self._watched.values():
             watched.close()
         self.feeds.close()
         self.scenes.close()
         self.permissions.close()
+
+    def _put(self, key: str, payload: bytes, encoding: Any) -> None:
+        self.session.put(
+            key,
+            payload,
+            encoding=encoding,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+        )
 
     async def _types(self, server: Server) -> dict[str, str]:
         try:

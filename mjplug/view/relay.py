@@ -11,11 +11,11 @@ from importlib.metadata import version
 import zenoh
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
-from websockets.protocol import State
 
 from mjplug.client.errors import ClientError
 from mjplug.view.access import Access
 from mjplug.view.built_page import BuiltPage
+from mjplug.view.connections import ConnectionLimits, limited
 from mjplug.view.handoff import Handoff
 from mjplug.view.images import Encoder
 from mjplug.view.listening import Listening
@@ -28,17 +28,17 @@ _log = logging.getLogger(__name__)
 MAX_VIEWERS = 32
 """Maximum number of browsers."""
 
-MAX_CONNECTIONS = 256
-"""Maximum number of TCP connections, including those that load files of the page."""
-
 MAX_MESSAGE = 1 << 20
 """Maximum size of a message from a page [bytes]."""
 
-_REQUEST_TIMEOUT = 10.0
-"""Time for a client to send an HTTP request [s]."""
-
-_RESPONSE_TIMEOUT = 120.0
+_RESPONSE_TIMEOUT = 600.0
 """Time for a client to take an HTTP response, such as a large drawing pack over a slow link [s]."""
+
+_LARGE = 1 << 20
+"""Size from which a response is large [bytes]."""
+
+_MAX_LARGE = 8
+"""Maximum number of large responses on their way; others wait."""
 
 _PING_INTERVAL = 20.0
 """Interval of pings, and timeout of their answers [s]; after that, a connection whose other end is gone is closed."""
@@ -71,8 +71,7 @@ class Relay:
 
     Attributes:
         viewers: The pages.
-        connections: Number of TCP connections.
-        request_timeout: Time for a client to send an HTTP request [s].
+        limits: The limits of TCP connections, and their number.
 
     Args:
         options: What the user chose.
@@ -84,9 +83,9 @@ class Relay:
         self._page = page
         self._network: Network | None = None
         self.viewers: set[Viewer] = set()
-        self.connections = 0
-        self.request_timeout = _REQUEST_TIMEOUT
+        self.limits = ConnectionLimits()
         self._encoder = Encoder()
+        self._large = asyncio.Semaphore(_MAX_LARGE)
         self._version = version("mjplug")
 
     @property
@@ -113,7 +112,12 @@ class Relay:
         web = Web(access, self._page, self._scene, options.frame_ancestors)
 
         async def process(connection: ServerConnection, request: Request) -> Response | None:
-            return await web.answer(request)
+            response = await web.answer(request)
+            if response is not None and len(response.body) > _LARGE:
+                # Each response is copied into the buffer of its connection.
+                await self._large.acquire()
+                connection.connection_lost_waiter.add_done_callback(lambda _: self._large.release())
+            return response
 
         # The library logs each connection, and a traceback for each invalid request.
         quiet = logging.getLogger(f"{__name__}.websockets")
@@ -129,14 +133,14 @@ class Relay:
                             process_request=process,
                             compression=None,
                             server_header=None,
-                            # `_Connection` limits the time for the request.
+                            # `limited` ends connections that send or read too slowly.
                             open_timeout=None,
                             close_timeout=_RESPONSE_TIMEOUT,
                             ping_interval=_PING_INTERVAL,
                             ping_timeout=_PING_INTERVAL,
                             max_size=MAX_MESSAGE,
                             logger=quiet,
-                            create_connection=self._connection_class(),
+                            create_connection=limited(self.limits),
                         )
                     )
                 yield
@@ -183,26 +187,3 @@ class Relay:
         servers = self._network.servers.describe()
         for viewer in self.viewers:
             viewer.send(op="servers", servers=servers)
-
-    def _connection_class(self) -> type[ServerConnection]:
-        """Returns a class of connections whose number, and time for the request, are limited."""
-        relay = self
-
-        class Connection(ServerConnection):
-            def connection_made(self, transport: asyncio.BaseTransport) -> None:
-                super().connection_made(transport)
-                relay.connections += 1
-                if relay.connections > MAX_CONNECTIONS:
-                    self.transport.abort()
-                else:
-                    self._request_timer = self.loop.call_later(relay.request_timeout, self._check_request)
-
-            def connection_lost(self, exc: Exception | None) -> None:
-                relay.connections -= 1
-                super().connection_lost(exc)
-
-            def _check_request(self) -> None:
-                if self.request is None and self.protocol.state is State.CONNECTING:
-                    self.transport.abort()
-
-        return Connection

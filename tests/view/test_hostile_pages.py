@@ -1,6 +1,7 @@
 """Clients of the relay that do harm: the relay goes on, with bounded memory, and so does every other page."""
 
 import contextlib
+import hashlib
 import json
 import random
 import resource
@@ -8,6 +9,7 @@ import socket
 import struct
 import threading
 import time
+import urllib.request
 
 import pytest
 from view.page_client import FRAME
@@ -191,7 +193,7 @@ def test_a_client_that_never_reads_is_disconnected(attacked, monkeypatch):
 
 def test_a_client_that_sends_its_request_slowly_is_disconnected(attacked, monkeypatch):
     relay, _ = attacked
-    relay.relay.request_timeout = 0.3
+    relay.relay.limits.patience = 0.3
     with raw(relay) as connection:
         began = time.monotonic()
         with contextlib.suppress(OSError):
@@ -200,6 +202,36 @@ def test_a_client_that_sends_its_request_slowly_is_disconnected(attacked, monkey
                 time.sleep(0.02)
         assert closed(connection)
         assert time.monotonic() - began < 15.0
+
+
+def test_a_client_that_pings_without_reading_is_disconnected(attacked):
+    relay, _ = attacked
+    relay.relay.limits.max_echo = 10_000
+    with upgraded(relay) as connection:
+        connection.settimeout(20)
+        with pytest.raises(OSError, match=r"reset|[Bb]roken pipe"):  # noqa: PT012
+            for _ in range(100_000):
+                connection.sendall((b"\x89\xfd\0\0\0\0" + b"x" * 125) * 1000)
+
+
+def test_a_client_that_reads_nothing_of_a_large_response_is_disconnected(new_server, new_relay, new_page):
+    chance = random.Random(1)
+    # Larger than the buffers of the kernel, also after compression.
+    server, relay = new_server(pack=chance.randbytes(20_000_000)), new_relay()
+    relay.relay.limits.patience = 0.3
+    page = new_page(relay)
+    if not page.hello["servers"]:
+        page.text("servers")
+    page.do(op="watch", server=0)
+    page.text("info")
+    with contextlib.ExitStack() as stack:
+        for _ in range(20):
+            connection = stack.enter_context(raw(relay))
+            connection.sendall(f"GET /scene/{server.hash} HTTP/1.1\r\nHost: 127.0.0.1:{relay.port}\r\n\r\n".encode())
+        # The page and nobody else; the last ones wait until the first ones have been disconnected.
+        _wait(lambda: relay.relay.limits.count == 1)
+    with urllib.request.urlopen(f"{relay.url}scene/{server.hash}") as response:
+        assert hashlib.sha256(response.read()).hexdigest() == server.hash
 
 
 def test_too_many_browsers_are_refused_with_a_sentence(attacked, new_page, monkeypatch):
@@ -217,12 +249,12 @@ def test_too_many_browsers_are_refused_with_a_sentence(attacked, new_page, monke
 
 
 def test_too_many_connections_are_closed_and_the_others_work(attacked, monkeypatch):
-    monkeypatch.setattr(relays, "MAX_CONNECTIONS", 20)
     relay, _ = attacked
+    relay.relay.limits.max_count = 20
     with contextlib.ExitStack() as stack:
         connections = [stack.enter_context(raw(relay)) for _ in range(40)]
         assert sum(closed(connection, 1.0) for connection in connections[20:]) >= 20
-    _wait(lambda: relay.relay.connections <= 1)
+    _wait(lambda: relay.relay.limits.count <= 1)
     with raw(relay) as connection:
         connection.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{relay.port}\r\n\r\n".encode())
         assert connection.recv(12) == b"HTTP/1.1 200"
@@ -236,7 +268,7 @@ def test_connections_that_end_without_a_word_leave_nothing_behind(attacked, new_
             connection.sendall(b"\x81" + bytes([0x80 | len(watch)]) + b"\0\0\0\0" + watch)
             # Resets the connection instead of closing it.
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-    _wait(lambda: len(relay.relay.viewers) == 1 and relay.relay.connections == 1)
+    _wait(lambda: len(relay.relay.viewers) == 1 and relay.relay.limits.count == 1)
 
 
 def _wait(reached, within=20.0):

@@ -87,6 +87,26 @@ def test_a_cell_shows_the_simulation_in_a_frame(kernel, opened, tmp_path):
         urllib.request.urlopen(url)
 
 
+def test_a_view_can_be_closed_after_its_client(router, new_server, opened, built, monkeypatch):
+    from mjplug.client import connect
+    from mjplug.view import built_page, view
+
+    monkeypatch.setattr(built_page, "FOLDER", built)
+    server = new_server(subscribed={"/cmd_vel": "geometry_msgs/msg/Twist"})
+    client = opened(connect(router))
+    shown = view(client)
+    with Page(shown.url) as page:
+        if not page.hello["servers"]:
+            page.text("servers")
+        page.do(op="watch", server=0)
+        page.do(op="subscribe", topic="/cmd_vel", mode="all")
+        server.matched("mjplug/@view/frame")
+        client.close()
+    shown.close()
+    with pytest.raises(urllib.error.URLError, match="refused"):
+        urllib.request.urlopen(shown.url)
+
+
 def test_the_html_contains_the_address_escaped():
     from mjplug.view.notebook import InlineView
 

@@ -12,7 +12,7 @@ import urllib.request
 
 import pytest
 from cli.process import STARTING, Lines, Served, environment
-from view.page_client import FRAME, Page
+from view.page_client import FRAME, SAMPLES, Page
 
 WITHOUT = """
 import sys
@@ -240,3 +240,30 @@ def test_the_words_after_view_are_its_port_or_the_model():
     ):
         context = command.make_context("serve", list(words))
         assert (context.params["view"], context.params["config"]) == (view, config)
+
+
+@pytest.mark.slow
+def test_a_server_that_is_killed_and_replaced_by_another_model_returns_on_the_page(new_view, opened, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as reserved:
+        port = reserved.getsockname()[1]
+    listen = ("--listen", f"tcp/127.0.0.1:{port}")
+    server = opened(Served("bundled:box", cwd=tmp_path, listen=listen), "kill")
+    view = new_view("--connect", server.endpoint)
+    with ready_page(view.url) as page:
+        page.do(op="watch", server=0)
+        page.do(op="subscribe", topic="/clock", mode="newest")
+        first = page.text("info")["info"]
+        page.item(FRAME)
+        server.kill()
+        page.text("servers", lambda text: not text["servers"][0]["connected"])
+        opened(Served("bundled:arm", cwd=tmp_path, listen=listen), "kill")
+        assert page.text("servers")["servers"] == [{"id": 0, "name": "/mjplug", "connected": True}]
+        second = page.text("info")["info"]
+        assert second["scene"] != first["scene"]
+        frame = page.item(FRAME, lambda item: len(item.payload) > 100)
+        assert struct.unpack_from("<ddIIH", frame.payload)[0] < 60.0
+        page.items.clear()
+        # Subscriptions survive too.
+        page.item(SAMPLES)
+        with urllib.request.urlopen(f"{view.url}scene/{second['scene']}") as response:
+            assert len(response.read()) == second["scene_bytes"]
