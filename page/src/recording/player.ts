@@ -66,8 +66,6 @@ export function install({ source, stage, shell }: App): void {
   shell.shortcut({ key: " ", text: "Play or pause", group: GROUP, run: toggle });
   shell.shortcut({ key: "ArrowLeft", text: "Back by one frame", group: GROUP, run: () => step(-1) });
   shell.shortcut({ key: "ArrowRight", text: "Forward by one frame", group: GROUP, run: () => step(1) });
-  shell.shortcut({ key: "Home", text: "To the start", group: GROUP, run: () => seek(0) });
-  shell.shortcut({ key: "End", text: "To the end", group: GROUP, run: () => seek(source.duration) });
   stage.onWorld(() => source.refresh());
   stage.beforeDraw((seconds) => {
     if (!source.playing) return;
