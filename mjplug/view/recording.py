@@ -25,6 +25,9 @@ INFO, FRAME = 0, 1
 CHUNK_TIME = 4.0
 """Wall time of a chunk [s]; a recorder that is killed loses at most this."""
 
+FIRST_CHUNK_TIME = 1.0
+"""Wall time of the first chunk [s], so that a short recording is not lost completely."""
+
 CHUNK_BYTES = 1 << 20
 """A chunk ends when it contains this much [bytes]."""
 
@@ -64,6 +67,7 @@ class Recording:
         self._info = b""
         self._items: list[bytes] = []
         self._bytes = 0
+        self._flushed = False
         self._times: list[float] = []
         self._write(start)
 
@@ -107,7 +111,8 @@ class Recording:
             self._add(INFO, time, self._info)
         self._add(FRAME, time, frame)
         self._times.append(time)
-        if self._bytes >= CHUNK_BYTES or time - self._times[0] >= CHUNK_TIME:
+        limit = CHUNK_TIME if self._flushed else FIRST_CHUNK_TIME
+        if self._bytes >= CHUNK_BYTES or time - self._times[0] >= limit:
             self.flush()
 
     def flush(self) -> None:
@@ -116,6 +121,7 @@ class Recording:
             return
         content = gzip.compress(b"".join(self._items), _GZIP_LEVEL, mtime=0)
         fields = {"from": repr(self._times[0]), "to": repr(self._times[-1]), "frames": str(len(self._times))}
+        self._flushed = True
         self._items.clear()
         self._times.clear()
         self._bytes = 0
