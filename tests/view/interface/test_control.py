@@ -57,7 +57,7 @@ def test_the_speed_is_set_and_follows_the_server(simulation, open_page):
     one.get_by_role("dialog").get_by_role("button", name="Set speed").click()
     until(lambda: simulation.parameter("sim.speed") == 0.3)
     expect(speeds[1]).to_have_value("0.3", timeout=TIMEOUT)
-    expect(speeds[1].locator("option:checked")).to_have_text("0.30×")
+    expect(speeds[1].locator("option:checked")).to_have_text("0.30\N{MULTIPLICATION SIGN}")
 
 
 def test_a_refusal_is_shown_in_the_words_of_the_server(page):

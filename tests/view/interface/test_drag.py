@@ -9,7 +9,7 @@ from view.interface.live import until
 from view.interface.pages import button, point, select, selected, wait
 
 
-def lift(page, button="right", modifier="Control", height=90):
+def lift(page, button="right", modifier="Control", height=180):
     """Presses on the box and moves the mouse upwards; it stays pressed."""
     x, y = point(page, "box")
     if modifier:
@@ -28,7 +28,7 @@ def let_go(page, button="right", modifier="Control"):
 
 
 def lifted(simulation):
-    return simulation.box()[0][2] > 0.35
+    return simulation.box()[0][2] > 0.3
 
 
 def rests(simulation):
@@ -138,7 +138,7 @@ def test_one_finger_pulls_in_the_drag_mode_and_a_long_press_selects(simulation, 
     touch("touchStart", x, y)
     wait(page, "app.drag.active")
     for step in range(1, 7):
-        touch("touchMove", x, y - 15 * step)
+        touch("touchMove", x, y - 35 * step)
     until(lambda: lifted(simulation))
     touch("touchEnd")
     wait(page, "!app.drag.active")
