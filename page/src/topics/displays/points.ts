@@ -62,6 +62,8 @@ export class PointCloud {
     const material = new ShaderMaterial({ vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms });
     this.object = unpickable(new Points(new BufferGeometry(), material));
     this.object.frustumCulled = false;
+    // Until the first message has its place.
+    this.object.visible = false;
   }
 
   /** @param size - Diameter in CSS pixels. */
