@@ -28,8 +28,11 @@ export class Placement {
   ) {}
 
   set(object: Object3D, frame: string, time: number | null): void {
-    object.visible = false;
-    this.#places.set(object, { frame, time, done: false });
+    const place = { frame, time, done: false };
+    this.#places.set(object, place);
+    const world = this.world();
+    if (world === undefined) object.visible = false;
+    else this.#place(world, object, place);
   }
 
   /** Returns the newest pose of a frame, if it is known. */
@@ -59,22 +62,26 @@ export class Placement {
     this.problem = world === undefined ? "The model is not loaded yet." : "";
     if (world === undefined) return false;
     for (const [object, place] of this.#places) {
-      if (place.done) continue;
-      const located = this.#find(world, place.frame, place.time);
-      if (typeof located === "string") {
-        this.problem = located;
-        object.visible = false;
-        continue;
-      }
-      const { position, rotation } = located.pose;
-      place.done = located.complete;
-      if (object.visible && object.position.equals(position) && object.quaternion.equals(rotation)) continue;
-      object.position.copy(position);
-      object.quaternion.copy(rotation);
-      object.visible = true;
-      moved = true;
+      if (!place.done && this.#place(world, object, place)) moved = true;
     }
     return moved;
+  }
+
+  /** Returns whether the object has moved. */
+  #place(world: World, object: Object3D, place: Place): boolean {
+    const located = this.#find(world, place.frame, place.time);
+    if (typeof located === "string") {
+      this.problem = located;
+      object.visible = false;
+      return false;
+    }
+    const { position, rotation } = located.pose;
+    place.done = located.complete;
+    if (object.visible && object.position.equals(position) && object.quaternion.equals(rotation)) return false;
+    object.position.copy(position);
+    object.quaternion.copy(rotation);
+    object.visible = true;
+    return true;
   }
 
   #find(world: World, frame: string, time: number | null): Located | string {
