@@ -70,8 +70,9 @@ export class FloatingWindows {
 
   #movable(frame: HTMLElement, handle: HTMLElement): void {
     handle.addEventListener("pointerdown", (down) => {
-      this.element.append(frame);
+      // An element that is moved while a button in it is pressed gets no click.
       if (down.button !== 0 || (down.target as HTMLElement).closest("button, select, input")) return;
+      this.element.append(frame);
       const [left, top] = [frame.offsetLeft - down.clientX, frame.offsetTop - down.clientY];
       handle.setPointerCapture(down.pointerId);
       const move = (event: PointerEvent) => this.#move(frame, left + event.clientX, top + event.clientY);

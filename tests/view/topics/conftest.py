@@ -43,7 +43,7 @@ def open_page(browser, running):
         context.set_default_timeout(1000 * live.PATIENCE)
         page = context.new_page()
         errors = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("pageerror", lambda error: errors.append(error.stack))
         page.goto(url)
         opened.append((context, errors))
         return shown(page)
