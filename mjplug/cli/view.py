@@ -1,6 +1,7 @@
 """`mjplug view`: the simulation in a browser."""
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -110,7 +111,7 @@ def view(
         from mjplug.view.server import Connecting, serve_view
 
     nodes = tuple(f"/{name.removeprefix('/')}" for name in node or ())
-    options = Options(nodes, read_only, tuple(origin or ()))
+    options = Options(nodes, read_only, tuple(map(_origin, origin or ())))
     wanted = DEFAULT_VIEW_PORT if port is None else port
     listening = listen_on(listen, wanted)
     if wanted not in (0, listening.port):
@@ -120,11 +121,25 @@ def view(
         say(f"ready · {url}")
         _open(url, open_browser)
 
-    connecting = Connecting(connect, zenoh_config, float("inf") if wait is None else wait, _say_waiting)
+    connecting = Connecting(connect, zenoh_config, float("inf") if wait is None else wait, _say_waiting, nodes)
     with logging_to_stderr(0):
         serve_view(connecting, listening, options, ready)
     # The thread that connects may be inside Zenoh, where Python cannot end it.
     ending.code = 0
+
+
+def _origin(text: str) -> str:
+    """Returns an origin as browsers write it.
+
+    Raises:
+        BadParameter: It is not one.
+    """
+    match = re.fullmatch(r"(https?://[^/?#@\s]+)/?", text.lower())
+    if match is None:
+        raise typer.BadParameter(
+            f"{text!r} is not an origin; write it as https://example.org or http://host:8000", param_hint="--origin"
+        )
+    return match[1]
 
 
 def _say_waiting(reason: str) -> None:

@@ -5,7 +5,7 @@ import contextlib
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,16 +29,24 @@ class Connecting:
         endpoint: As for `mjplug.client.connect`.
         config: As for `mjplug.client.connect`.
         wait: How long to wait for a server [s].
-        waiting: Called with the reason if the first attempt fails; on the other thread.
+        waiting: Called with the reason if the first attempt fails, or if a server of `nodes` is missing; on the other
+            thread.
+        nodes: The full names of the servers that are shown; empty means all.
     """
 
     def __init__(
-        self, endpoint: str | None, config: str | Path | None, wait: float, waiting: Callable[[str], None]
+        self,
+        endpoint: str | None,
+        config: str | Path | None,
+        wait: float,
+        waiting: Callable[[str], None],
+        nodes: Collection[str] = (),
     ) -> None:
         self._endpoint = endpoint
         self._config = config
         self._wait = wait
         self._waiting = waiting
+        self._nodes = nodes
 
     def start(self, loop: asyncio.AbstractEventLoop) -> "asyncio.Future[Client]":
         """Returns a future of the client."""
@@ -57,6 +65,7 @@ class Connecting:
             client, problem = None, None
             try:
                 client = self._open()
+                self._check_nodes(client)
             except BaseException as error:
                 problem = error
             with contextlib.suppress(RuntimeError):
@@ -66,6 +75,11 @@ class Connecting:
         # A daemon, because Zenoh's attempts cannot be cancelled.
         threading.Thread(target=run, name="view connects", daemon=True).start()
         return found
+
+    def _check_nodes(self, client: Client) -> None:
+        present = client.nodes()
+        if missing := sorted(set(self._nodes) - set(present)):
+            self._waiting(f"{', '.join(missing)} is not on the network; there are: {', '.join(present) or 'none'}")
 
     def _open(self) -> Client:
         try:

@@ -5,6 +5,7 @@ import http.client
 import socket
 
 import pytest
+import websockets
 from view.page_client import Page
 from websockets.exceptions import InvalidStatus
 
@@ -180,9 +181,13 @@ def test_a_pack_with_another_hash_is_refused(new_server, relay, new_page):
     assert b"the server has another scene now" in body
 
 
-def test_other_methods_and_bodies_are_refused(relay):
-    assert get(relay, "/", method="POST")[0].status == 405
-    assert get(relay, "/", method="OPTIONS")[0].status == 405
+@pytest.mark.parametrize("method", ["POST", "OPTIONS", "DELETE"])
+def test_other_methods_are_refused(relay, method):
+    try:
+        assert get(relay, "/", method=method)[0].status == 405
+    except http.client.RemoteDisconnected:
+        # As websockets did before it parsed other methods.
+        assert int(websockets.__version__.partition(".")[0]) < 17
 
 
 def test_beyond_loopback_own_names_and_addresses_are_accepted_but_no_foreign_names():

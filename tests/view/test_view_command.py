@@ -11,7 +11,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from cli.process import STARTING, Lines, Served, environment
+from cli.process import STARTING, Lines, Served, environment, run
 from view.page_client import FRAME, SAMPLES, Page
 
 WITHOUT = """
@@ -57,6 +57,11 @@ class View:
         if self.process.poll() is None:
             self.process.kill()
             self.process.wait()
+
+
+@pytest.fixture
+def cli(tmp_path):
+    return lambda *words: run(*words, cwd=tmp_path)
 
 
 @pytest.fixture
@@ -140,6 +145,21 @@ def test_a_view_waits_for_a_server_and_says_so(new_view, opened, tmp_path):
     code, _, err = view.end(signal.SIGTERM)
     assert code == 0
     assert err.count("\n") == 1
+
+
+def test_a_server_that_is_not_there_is_named(served, new_view):
+    view = new_view("--connect", served.endpoint, "--node", "robot9/sim")
+    with Page(view.url) as page:
+        sentence = r"waiting for a server: /robot9/sim is not on the network; there are: /mjplug"
+        assert view.err.wait_for(sentence, STARTING)
+        assert page.hello["servers"] == []
+        assert page.nothing()
+
+
+def test_an_origin_that_is_none_is_a_usage_error(cli):
+    done = cli("view", "--origin", "example.org")
+    assert done.returncode == 2
+    assert "'example.org' is not an origin; write it as https://example.org" in done.stderr
 
 
 def test_a_view_that_may_not_wait_longer_ends_with_the_exit_code_of_the_network(new_view):

@@ -64,7 +64,7 @@ def test_an_acknowledgement_of_a_batch_that_was_never_sent_opens_nothing(new_ser
     server = new_server()
     page = new_page(new_relay(), acknowledges=False)
     _watch(page, server)
-    page.acknowledge(10**9)
+    page.do(op="ack", batch=10**9)
     for number in range(3):
         server.frame(b"frame %d" % number)
         if number < 2:
