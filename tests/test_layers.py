@@ -25,6 +25,11 @@ VIOLATIONS = {
         "import mjplug.wire.session",
         "mjplug.physics is not allowed to import mjplug.wire",
     ),
+    "the view uses physics": (
+        "mjplug/view/outbox.py",
+        "import mjplug.physics.reset",
+        "mjplug.view is not allowed to import mjplug.physics",
+    ),
     "a plugin uses the server": (
         "plugins/mjplug_plugins/heartbeat.py",
         "import mjplug.server.starting_pose",

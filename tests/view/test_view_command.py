@@ -14,6 +14,8 @@ import pytest
 from cli.process import STARTING, Lines, Served, environment, run
 from view.page_client import FRAME, SAMPLES, Page
 
+from mjplug.security.folder import KeyFolder
+
 WITHOUT = """
 import sys
 
@@ -229,6 +231,19 @@ def test_a_server_with_a_view_needs_the_page(new_environment, tmp_path):
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, "")
     assert "the page has not been built" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_server_with_roles_has_no_view_of_its_own(new_environment, tmp_path):
+    folder = KeyFolder.create(tmp_path / "keys", ["localhost"])
+    done = run(
+        "serve", "bundled:box", "--view", "0", "--listen", "tls/localhost:0",
+        "--zenoh-config", str(folder.path / "server" / "server.json5"), cwd=tmp_path, env=new_environment(),
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (1, "")
+    assert (
+        "--view cannot be used with roles, because every browser on this machine would have the" in done.stderr
+    )
 
 
 def _views(parent):
