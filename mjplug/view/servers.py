@@ -169,6 +169,28 @@ class Servers:
                 raise answer
         return found
 
+    async def listing(self) -> dict[str, Any]:
+        """Returns the topics and services of all servers, for the page."""
+        found = await self.interfaces()
+        ids = {server.name: server.id for server, _ in found}
+        return {
+            "topics": [
+                {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "publishers": len(topic.publishers),
+                    "subscribers": len(topic.subscribers),
+                    "server": ids[(*topic.publishers, *topic.subscribers)[0]],
+                }
+                for topic in all_topics(info for _, info in found).values()
+            ],
+            "services": [
+                {"name": service.name, "type": service.type, "server": server.id}
+                for server, info in found
+                for service in info.services.values()
+            ],
+        }
+
     async def topics(self) -> dict[str, TopicInfo]:
         """Returns the topics of all servers by name."""
         return all_topics(info for _, info in await self.interfaces())

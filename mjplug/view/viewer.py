@@ -19,10 +19,10 @@ from mjplug.view.commands import READ_ONLY, Calls, Publishing
 from mjplug.view.dragging import Dragging
 from mjplug.view.images import Encoder, ImageChannel
 from mjplug.view.network import Network
-from mjplug.view.outbox import FRAME, OVERLAY, NewestSlot, Outbox
+from mjplug.view.outbox import Outbox
 from mjplug.view.servers import Server
+from mjplug.view.streams import Streams
 from mjplug.view.values import shown
-from mjplug.view.watching import OVERLAYS, Stream
 
 _log = logging.getLogger(__name__)
 
@@ -65,7 +65,6 @@ class Viewer:
         self._wake = asyncio.Event()
         self._outbox = Outbox(self._wake.set)
         self._tasks: set[asyncio.Task[None]] = set()
-        self._streams: dict[tuple[int, int, int], tuple[str, Stream, NewestSlot]] = {}
         self._blocked_since: float | None = None
         self._suspended = False
         self._network: Network | None = None
@@ -76,6 +75,7 @@ class Viewer:
         """Lets the page use the network."""
         self._network = network
         self._channels = Channels(network, self._outbox, self._image)
+        self._streams = Streams(network, self._outbox, self)
         self._calls = Calls(network, self._read_only)
         self._publishing = Publishing(network)
         self._dragging = Dragging(network, self.name)
@@ -119,9 +119,7 @@ class Viewer:
             self._blocked_since = now
         elif now - self._blocked_since >= SUSPEND_AFTER and not self._suspended:
             self._suspended = True
-            assert self._network is not None
-            for key, stream, _ in self._streams.values():
-                self._network.feeds.remove(key, stream)
+            self._streams.suspend()
             self._channels.suspend()
 
     def _image(self, number: int, type: str) -> ImageChannel:
@@ -129,9 +127,7 @@ class Viewer:
 
     def _resume(self) -> None:
         self._suspended = False
-        assert self._network is not None
-        for key, stream, _ in self._streams.values():
-            self._network.feeds.add(key, stream)
+        self._streams.resume()
         self._channels.resume()
 
     def _send_text(self, text: str) -> None:
@@ -228,69 +224,14 @@ class Viewer:
             self.send(op="reply", id=message["id"], ok=True, response={})
 
     async def _watch(self, message: dict[str, Any]) -> None:
-        assert self._network is not None
-        server = self._network.servers.by_id(message.get("server"))
-        watched = self._network.watched(server)
-        if self._stream(server, "frame", FRAME, 0, _flag(message)):
-            if _flag(message):
-                watched.add(self)
-            else:
-                watched.remove(self)
+        self._streams.watch(message.get("server"), _flag(message))
 
     async def _overlay(self, message: dict[str, Any]) -> None:
-        assert self._network is not None
-        server = self._network.servers.by_id(message.get("server"))
-        kind = message.get("kind")
-        if kind not in OVERLAYS:
-            raise ClientError(f"kind is {shown(kind)}; it must be one of: {', '.join(OVERLAYS)}")
-        self._stream(server, f"overlay/{kind}", OVERLAY, OVERLAYS.index(kind), _flag(message))
-
-    def _stream(self, server: Server, name: str, kind: int, channel: int, on: bool) -> bool:
-        """Starts or stops frames or an overlay; returns whether that changes anything."""
-        assert self._network is not None
-        feeds, place = self._network.feeds, (server.id, kind, channel)
-        if on == (place in self._streams):
-            return False
-        if on:
-            slot = NewestSlot(kind, server.id, channel)
-
-            def deliver(payload: bytes) -> None:
-                slot.put(payload)
-                self._outbox.fill(slot)
-
-            key, stream = f"{server.key}/@view/{name}", Stream(self._network.watched(server), deliver)
-            self._streams[place] = key, stream, slot
-            if not self._suspended:
-                feeds.add(key, stream)
-        else:
-            key, stream, slot = self._streams.pop(place)
-            if not self._suspended:
-                feeds.remove(key, stream)
-            self._outbox.discard(slot)
-        return True
+        self._streams.overlay(message.get("server"), message.get("kind"), _flag(message))
 
     async def _topics(self, message: dict[str, Any]) -> dict[str, Any]:
         assert self._network is not None
-        found = await self._network.servers.interfaces()
-        ids = {server.name: server.id for server, _ in found}
-        topics = await self._network.servers.topics()
-        return {
-            "topics": [
-                {
-                    "name": topic.name,
-                    "type": topic.type,
-                    "publishers": len(topic.publishers),
-                    "subscribers": len(topic.subscribers),
-                    "server": ids[(*topic.publishers, *topic.subscribers)[0]],
-                }
-                for topic in topics.values()
-            ],
-            "services": [
-                {"name": service.name, "type": service.type, "server": server.id}
-                for server, info in found
-                for service in info.services.values()
-            ],
-        }
+        return await self._network.servers.listing()
 
     async def _subscribe(self, message: dict[str, Any]) -> dict[str, Any]:
         return await self._channels.subscribe(message.get("topic"), message.get("mode"), message.get("server"))
@@ -324,12 +265,7 @@ class Viewer:
         self._publishing.close()
         self._dragging.close()
         self._channels.close()
-        for (id, kind, _), (key, stream, _) in self._streams.items():
-            if not self._suspended:
-                self._network.feeds.remove(key, stream)
-            if kind == FRAME:
-                self._network.watched(self._network.servers.by_id(id)).remove(self)
-        self._streams.clear()
+        self._streams.close()
 
 
 _Handler = Callable[[Viewer, dict[str, Any]], Awaitable[Any]]

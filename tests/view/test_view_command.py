@@ -241,9 +241,7 @@ def test_a_server_with_roles_has_no_view_of_its_own(new_environment, tmp_path):
         "--zenoh-config", str(folder.path / "server" / "server.json5"), cwd=tmp_path, env=new_environment(),
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (1, "")
-    assert (
-        "--view cannot be used with roles, because every browser on this machine would have the" in done.stderr
-    )
+    assert "--view cannot be used with roles, because every browser on this machine would have the" in done.stderr
 
 
 def _views(parent):
