@@ -1,6 +1,7 @@
 # The server in a container: see docs/container.md. The last stage is the one that runs; `development` is for
 # .devcontainer. BASE can be any Debian or Ubuntu with Python 3.11 or later.
 ARG BASE=debian:stable-slim
+ARG NODE=node:22-slim
 
 # Cameras render with libegl1 and libgl1. tini is process 1, because the kernel protects that process from signals of
 # its own container: as process 1, a server that hangs took 13 s to stop instead of 5 s, and Docker waits for 10 s.
@@ -14,6 +15,14 @@ RUN apt-get update \
  && apt-get install -y --no-install-recommends ca-certificates git iproute2 make python3-pip python3-venv \
  && rm -rf /var/lib/apt/lists/*
 
+# The page of `mjplug view`; the last stage has no Node.js.
+FROM ${NODE} AS page
+WORKDIR /source/page
+COPY page/package.json page/package-lock.json page/.npmrc ./
+RUN npm ci --silent
+COPY page ./
+RUN node build.mjs
+
 # The dependencies are a layer of their own, which is built again when uv.lock changes and not with each change of the
 # code. Bytecode is compiled here, because the user below may not write it.
 FROM tools AS build
@@ -21,12 +30,13 @@ RUN python3 -m venv /uv && /uv/bin/pip install --quiet --no-cache-dir uv
 ENV UV_PROJECT_ENVIRONMENT=/opt/mjplug UV_COMPILE_BYTECODE=1 UV_NO_CACHE=1 UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never
 WORKDIR /source
 COPY pyproject.toml uv.lock ./
-RUN /uv/bin/uv sync --locked --no-default-groups --extra security --no-install-project
+RUN /uv/bin/uv sync --locked --no-default-groups --extra security --extra view --no-install-project
 COPY README.md LICENSE ./
 COPY schemas schemas
 COPY plugins plugins
 COPY mjplug mjplug
-RUN /uv/bin/uv sync --locked --no-default-groups --extra security --no-editable
+COPY --from=page /source/mjplug/view/page mjplug/view/page
+RUN /uv/bin/uv sync --locked --no-default-groups --extra security --extra view --no-editable
 
 FROM tools AS development
 RUN useradd --create-home --shell /bin/bash developer

@@ -15,6 +15,7 @@ import tarfile
 import tempfile
 import time
 import tomllib
+import urllib.request
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +25,8 @@ DIST = ROOT / "dist"
 VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["version"]
 TESTS = ("tests/physics", "tests/services")
 """What is run from the sdist against the installed wheel: steps and values, without sockets."""
+PAGE = ("index.html", "page.js", "page.css", "licences.txt")
+"""Files of the page of `mjplug view`."""
 READY_WITHIN = 60.0
 """How long the server may take to start [s]."""
 
@@ -33,6 +36,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="mjplug-release-") as name:
         folder = Path(name)
         sdist, wheel = build()
+        check_page(wheel)
         compare(wheel, folder)
         run("uv", "tool", "run", "twine", "check", "--strict", sdist, wheel)
         source = unpack(sdist, folder)
@@ -49,6 +53,8 @@ def main() -> None:
 
 def build() -> tuple[Path, Path]:
     """Builds the sdist, and the wheel from it."""
+    say("build the page of `mjplug view`")
+    run("make", "--no-print-directory", "page")
     say("build")
     shutil.rmtree(DIST, ignore_errors=True)
     run("uv", "build", "--quiet", "--out-dir", DIST)
@@ -56,6 +62,18 @@ def build() -> tuple[Path, Path]:
     if VERSION not in sdist.name or VERSION not in wheel.name:
         sys.exit(f"error: the version is {VERSION}, but these were built: {sdist.name}, {wheel.name}")
     return sdist, wheel
+
+
+def check_page(wheel: Path) -> None:
+    """Checks that the wheel has the page that was built, with the licences of what it bundles."""
+    built = {f"mjplug/view/page/{path.name}": path for path in (ROOT / "mjplug/view/page").iterdir()}
+    if missing := {f"mjplug/view/page/{name}" for name in PAGE} - built.keys():
+        sys.exit(f"error: `make page` has not made {sorted(missing)}")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        for name, path in built.items():
+            if name not in names or archive.read(name) != path.read_bytes():
+                sys.exit(f"error: the wheel lacks {name}, or has another one")
 
 
 def compare(wheel: Path, folder: Path) -> None:
@@ -86,7 +104,7 @@ def install(wheel: Path, folder: Path) -> Path:
     say("install the wheel into a new environment")
     run("uv", "venv", "--quiet", "--python", sys.executable, folder / "venv", cwd=folder)
     python = folder / "venv" / "bin" / "python"
-    run("uv", "pip", "install", "--quiet", "--python", python, wheel, cwd=folder)
+    run("uv", "pip", "install", "--quiet", "--python", python, f"{wheel}[view]", cwd=folder)
     return python
 
 
@@ -102,6 +120,23 @@ def serve(scripts: Path, folder: Path) -> None:
         run(mjplug, "topic", "echo", "/clock", "--once", "--connect", endpoint, cwd=folder)
         run(mjplug, "sim", "pause", "--connect", endpoint, cwd=folder)
         run(mjplug, "sim", "step", "10", "--connect", endpoint, cwd=folder)
+        view(mjplug, endpoint, folder)
+
+
+def view(mjplug: Path, endpoint: str, folder: Path) -> None:
+    """Serves the page with the installed command, and reads its files."""
+    command = [mjplug, "view", "--connect", endpoint, "--port", "0", "--no-open"]
+    with subprocess.Popen(command, cwd=folder, env=environment(), stdout=subprocess.PIPE, text=True) as process:
+        try:
+            if process.stdout is None or not (line := process.stdout.readline()).startswith("ready · "):
+                sys.exit("error: `mjplug view` did not become ready")
+            url = line.removeprefix("ready · ").split()[0]
+            for name in ("", *PAGE):
+                with urllib.request.urlopen(f"{url.rstrip('/')}/{name}", timeout=READY_WITHIN) as response:
+                    if not response.read():
+                        sys.exit(f"error: `mjplug view` serves an empty {name or 'page'}")
+        finally:
+            process.terminate()
 
 
 @contextlib.contextmanager
