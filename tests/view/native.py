@@ -39,7 +39,7 @@ def options(**flags):
 
 
 class Native:
-    """MuJoCo's renderer for one model, without shadows and reflections, which the page draws only with a GPU."""
+    """MuJoCo's renderer for one model, without reflections."""
 
     def __init__(self, model):
         self.model = model
@@ -52,11 +52,12 @@ class Native:
         self._context.free()
         self._gl.close()
 
-    def picture(self, data, size, camera=None, option=None):
+    def picture(self, data, size, camera=None, option=None, shadows=False):
         """Returns a picture, shape (height, width, 3), RGB; size is (width, height)."""
         camera, option = camera or free_camera(self.model), option or options()
         mujoco.mjv_updateScene(self.model, data, option, None, camera, mujoco.mjtCatBit.mjCAT_ALL, self._scene)
-        self._scene.flags[_RENDER.mjRND_SHADOW] = self._scene.flags[_RENDER.mjRND_REFLECTION] = 0
+        self._scene.flags[_RENDER.mjRND_SHADOW] = shadows
+        self._scene.flags[_RENDER.mjRND_REFLECTION] = 0
         self._gl.make_current()
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         viewport = mujoco.MjrRect(0, 0, *size)

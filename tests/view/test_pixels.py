@@ -1,5 +1,7 @@
 """The picture of the page against that of MuJoCo's renderer: every kind of object is visible, in place and in its colour."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ from view.native import Native, changed, difference, fixed_camera, free_camera, 
 from view.scenes import ALL_FEATURES
 from view.studio import Server, Studio
 
+import mjplug
+
+BUNDLED = Path(mjplug.__file__).parent / "bundled"
 STEPS = 60
 GEOMS = [
     "ground",
@@ -156,6 +161,30 @@ def test_the_picture_from_anywhere_is_that_of_mujoco(comparison, azimuth, elevat
     page.redraw("stage.resetCamera()")
     assert similarity(picture, expected) > 0.95
     assert difference(picture, expected) < 4
+
+
+def test_shadows_are_those_of_mujoco(studio):
+    model = mujoco.MjModel.from_xml_path(str(BUNDLED / "quadruped.xml"))
+    server = Server(model)
+    mujoco.mj_resetDataKeyframe(model, server.data, 0)
+    mujoco.mj_forward(model, server.data)
+    page = studio(server, size=(900, 560))
+    page.show()
+    plain = page.picture()
+    page.redraw("stage.setShadows(true)")
+    picture = page.picture()
+    page.redraw("stage.setShadows(false)")
+    assert difference(page.picture(), plain) == 0
+    native = Native(model)
+    size = picture.shape[1], picture.shape[0]
+    expected = native.picture(server.data, size, shadows=True)
+    # Everything in the shadow is darker than with all lights.
+    bright = native.picture(server.data, size)
+    native.close()
+    dark = (expected.astype(int) - bright).max(axis=2) < -15
+    assert dark.sum() > 1000
+    assert difference(picture, expected, dark) < CLOSE
+    assert difference(picture, expected) < 2
 
 
 def test_hidden_groups_can_be_shown(comparison):

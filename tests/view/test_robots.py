@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 ROBOTS = {
     "panda": ("gym-hil==0.1.14", "gym_hil/assets/arrange_boxes_scene.xml"),
     "gr1": ("robosuite==1.5.2", "robosuite/models/assets/robots/gr1/robot.xml"),
-    "spot": ("robosuite==1.5.2", "robosuite/models/assets/robots/spot_arm/robot.xml"),
+    "sawyer": ("robosuite==1.5.2", "robosuite/models/assets/robots/sawyer/robot.xml"),
 }
 """Package and model by robot."""
 

@@ -48,7 +48,7 @@ export class Flex {
     // The vertices are in the world frame and move.
     mesh.frustumCulled = false;
     const shapes = [{ corner: 0, id: entry.id }];
-    this.part = { mesh, kind: "flex", group: clampGroup(entry.group), body: 0, dynamic: true, shapes };
+    this.part = { mesh, kind: "flex", group: clampGroup(entry.group), body: 0, dynamic: true, shadow: true, shapes };
   }
 
   /** Moves the vertices. `all` has 3 numbers for each flex vertex of the model. */

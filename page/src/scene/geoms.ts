@@ -106,7 +106,7 @@ export class GeomBuilder {
     );
     const mesh = new Mesh(geometry, shading);
     mesh.matrixAutoUpdate = false;
-    const part = { mesh, kind, group: clampGroup(entry.group), body: entry.body, dynamic, shapes };
+    const part = { mesh, kind, group: clampGroup(entry.group), body: entry.body, dynamic, shadow: true, shapes };
     this.parts.push(part);
     return part;
   }

@@ -19,6 +19,8 @@ export interface Part {
   readonly body: number;
   /** Whether the body can move; MuJoCo's transparent mode shows only these as transparent. */
   readonly dynamic: boolean;
+  /** Whether it casts a shadow. */
+  readonly shadow: boolean;
   /** Index of the first triangle corner of each shape and the id of the shape, in ascending order. */
   readonly shapes: readonly { readonly corner: number; readonly id: number }[];
 }

@@ -60,7 +60,15 @@ export class Plane {
     mesh.matrix.copy(this.#relative);
     if (mapping === "cube") geometry.setAttribute("direction", geometry.getAttribute("position"));
     const shapes = [{ corner: 0, id: entry.id }];
-    this.part = { mesh, kind: "geom", group: clampGroup(entry.group), body: entry.body, dynamic: false, shapes };
+    this.part = {
+      mesh,
+      kind: "geom",
+      group: clampGroup(entry.group),
+      body: entry.body,
+      dynamic: false,
+      shadow: false,
+      shapes,
+    };
     if (!this.infinite) this.#texture(0, 0);
   }
 

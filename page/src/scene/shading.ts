@@ -191,7 +191,7 @@ for (int i = 0; i < NUM_DIR_LIGHT_SHADOWS; i++) {
 #if NUM_SPOT_LIGHT_SHADOWS > 0
 #pragma unroll_loop_start
 for (int i = 0; i < NUM_SPOT_LIGHT_SHADOWS; i++) {
-  mjShadows[2 + i] = receiveShadow ? getShadow(spotShadowMap[i], spotLightShadows[i].shadowMapSize,
+  mjShadows[2 + UNROLLED_LOOP_INDEX] = receiveShadow ? getShadow(spotShadowMap[i], spotLightShadows[i].shadowMapSize,
     spotLightShadows[i].shadowIntensity, spotLightShadows[i].shadowBias,
     spotLightShadows[i].shadowRadius, vSpotLightCoord[i]) : 1.0;
 }

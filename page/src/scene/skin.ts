@@ -64,7 +64,7 @@ export class Skin {
     mesh.frustumCulled = false;
     const shapes = [{ corner: 0, id: entry.id }];
     const body = this.#bones[0]?.body ?? 0;
-    this.part = { mesh, kind: "skin", group: clampGroup(entry.group), body, dynamic: true, shapes };
+    this.part = { mesh, kind: "skin", group: clampGroup(entry.group), body, dynamic: true, shadow: true, shapes };
   }
 
   /** Moves the vertices with the bodies, whose poses are relative to the world. */

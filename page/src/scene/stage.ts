@@ -8,6 +8,7 @@ import { type Graphics, openGraphics, pixelRatio } from "./graphics.ts";
 import { Outline } from "./outline.ts";
 import { Pack } from "./pack.ts";
 import { type Picked, pick } from "./picking.ts";
+import { Shadows } from "./shadows.ts";
 import { Sky, type Theme } from "./sky.ts";
 import { Counter, type Statistics } from "./statistics.ts";
 import { Textures } from "./textures.ts";
@@ -29,6 +30,7 @@ export class Stage {
   readonly worlds = new Map<number, World>();
   readonly #graphics: Graphics | null;
   readonly #sky = new Sky();
+  readonly #shadows = new Shadows(this.scene);
   readonly #counter = new Counter();
   readonly #beforeDraw: ((seconds: number) => void)[] = [];
   readonly #onWorld: ((world: World) => void)[] = [];
@@ -179,6 +181,13 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Switches shadows; at first they are on if there is a graphics card. */
+  setShadows(on: boolean): void {
+    if (this.#graphics === null) return;
+    this.#graphics.renderer.shadowMap.enabled = on;
+    this.#castShadows();
+  }
+
   /** Removes the world of a server, for example because it is no longer watched. */
   remove(server: number): void {
     const world = this.worlds.get(server);
@@ -188,7 +197,7 @@ export class Stage {
     this.worlds.delete(server);
     this.#loading.delete(server);
     this.#sky.setTexture(this.#first()?.sky ?? null);
-    this.invalidate();
+    this.#castShadows();
   }
 
   /** Returns the picture as a PNG file. */
@@ -228,6 +237,14 @@ export class Stage {
     return this.#visible()[0];
   }
 
+  /** Lets the lights of the first world cast shadows, because each shadow costs time for every pixel. */
+  #castShadows(): void {
+    const enabled = this.#graphics?.renderer.shadowMap.enabled ?? false;
+    this.#shadows.show(enabled ? (this.#first() ?? null) : null);
+    for (const world of this.worlds.values()) for (const { mesh } of world.parts) mesh.material.needsUpdate = true;
+    this.invalidate();
+  }
+
   #say(text: string): void {
     this.#message.textContent = text;
     this.#message.hidden = false;
@@ -261,6 +278,7 @@ export class Stage {
     const before = this.worlds.get(server);
     if (before !== undefined) {
       this.viewpoint.forget(before);
+      this.#shadows.show(null);
       before.dispose();
     }
     textures.setAnisotropy(this.#graphics?.anisotropy ?? 1);
@@ -273,6 +291,7 @@ export class Stage {
     if (world === this.#first()) {
       this.#sky.setTexture(world.sky);
       this.viewpoint.reset(world);
+      this.#castShadows();
     }
     this.#message.hidden = true;
     for (const callback of this.#onWorld) callback(world);
@@ -329,6 +348,7 @@ export class Stage {
     this.viewpoint.update();
     this.camera.updateMatrixWorld();
     for (const world of this.worlds.values()) world.prepare(this.camera);
+    this.#shadows.update();
     renderer.info.reset();
     renderer.render(this.scene, this.camera);
     this.#outline ??= new Outline(renderer);
