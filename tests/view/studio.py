@@ -75,6 +75,7 @@ class Studio:
         self.requests = []
         self.foreign = []
         self.errors = []
+        self.overlays = set()
         self.acknowledged = self._batch = 0
         self._context = browser.new_context(
             viewport={"width": size[0], "height": size[1]}, color_scheme=scheme, service_workers="block"
@@ -103,10 +104,19 @@ class Studio:
         self.send_item(_FRAME, server, 0, self.servers[server].frame(**arguments))
         self._wait("stats.applied > arg", applied)
 
-    def show_overlay(self, kind, server=0):
-        """Sends an overlay of the state and waits until it is drawn."""
+    def show_overlay(self, kind, label, server=0):
+        """Switches an overlay on in the page, sends it when the page requests it, and waits until it is drawn."""
+        self.page.get_by_label(label, exact=True).check()
+        self.page.wait_for_function("() => true")
+        assert kind in self.overlays
         drawn = self.stats()["drawn"]
         self.send_item(_OVERLAY, server, list(KINDS).index(kind), self.servers[server].overlay(kind))
+        self._wait("stats.drawn > arg", drawn)
+
+    def hide_overlay(self, label):
+        """Switches an overlay off in the page, and waits until the scene is drawn without it."""
+        drawn = self.stats()["drawn"]
+        self.page.get_by_label(label, exact=True).uncheck()
         self._wait("stats.drawn > arg", drawn)
 
     def stats(self):
@@ -175,6 +185,8 @@ class Studio:
         if message["op"] == "watch" and message["on"]:
             server = message["server"]
             self.send({"op": "info", "server": server, "info": self.servers[server].info()})
+        elif message["op"] == "overlay":
+            (self.overlays.add if message["on"] else self.overlays.discard)(message["kind"])
         elif message["op"] == "ack":
             self.acknowledged = message["batch"]
         elif "id" in message:

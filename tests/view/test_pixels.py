@@ -213,26 +213,27 @@ def test_moving_bodies_can_be_transparent(comparison):
 
 
 @pytest.mark.parametrize(
-    ("kind", "flags"),
+    ("kind", "label", "flags"),
     [
-        ("tendons", {"TENDON": 1}),
-        ("joints", {"JOINT": 1}),
-        ("com", {"COM": 1}),
-        ("inertia", {"INERTIA": 1}),
-        ("contacts", {"CONTACTPOINT": 1}),
-        ("contact_forces", {"CONTACTFORCE": 1}),
+        ("tendons", "Tendons", {"TENDON": 1}),
+        ("joints", "Joints", {"JOINT": 1}),
+        ("com", "Mass centres", {"COM": 1}),
+        ("inertia", "Inertia", {"INERTIA": 1}),
+        ("contacts", "Contacts", {"CONTACTPOINT": 1}),
+        ("contact_forces", "Contact forces", {"CONTACTFORCE": 1}),
     ],
 )
-def test_an_overlay_is_what_mujoco_draws(comparison, kind, flags):
+def test_an_overlay_is_what_mujoco_draws(comparison, kind, label, flags):
     page = comparison.page
-    page.show_overlay(kind)
+    page.show_overlay(kind, label)
     picture = page.picture()
-    page.redraw("world.setOverlay(arg, null)", kind)
+    page.hide_overlay(label)
     expected = comparison.native_picture(option=options(**flags))
     appeared = changed(expected, comparison.expected)
     assert appeared.sum() > MIN_PIXELS
     assert difference(picture, expected, appeared) < 2 * CLOSE
     assert difference(picture, expected) < 2
+    assert difference(page.picture(), comparison.picture) == 0
 
 
 def test_the_picture_follows_the_state(comparison):
