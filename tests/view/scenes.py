@@ -58,7 +58,8 @@ ALL_FEATURES = """
       <geom name="arm" type="capsule" fromto="0 0 0 .4 0 0" size=".05" rgba=".8 .5 .8 1"/>
       <site name="tip" pos=".4 0 .1" size=".04" rgba="1 1 0 1"/>
     </body>
-    <body name="free" pos="1.2 1.2 .5"><freejoint/><geom name="free" type="box" size=".1 .15 .1" rgba=".4 .4 1 1"/></body>
+    <body name="free" pos="1.2 1.2 .5"><freejoint/>
+      <geom name="free" type="box" size=".1 .15 .1" rgba=".4 .4 1 1"/></body>
     <body name="ghost" mocap="true" pos="-1.2 1.2 .5">
       <geom name="ghost" type="sphere" size=".15" rgba="1 1 1 .5" contype="0" conaffinity="0"/></body>
     <flexcomp name="cloth" type="grid" count="7 7 1" spacing=".1 .1 .1" pos="2 -.5 .9" radius=".01" dim="2" mass=".1"

@@ -1,4 +1,4 @@
-"""The picture of the page against that of MuJoCo's renderer: every kind of object is visible, in place and in its colour."""
+"""The page draws what MuJoCo's renderer draws: every kind of object is visible, in place and in its colour."""
 
 from pathlib import Path
 

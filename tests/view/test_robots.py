@@ -20,6 +20,7 @@ ROBOTS = {
 }
 """Package and model by robot."""
 
+
 def package(config, requirement):
     """Returns the folder with a package, which is downloaded once."""
     folder = Path(config.cache.mkdir("robots")) / requirement
@@ -48,7 +49,9 @@ def load(path):
         )
         light = spec.worldbody.add_light(dir=(0.3, 0.5, -1), castshadow=False)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), pos=(0, 0, -1), rgba=(0.6, 0.6, 0.6, 1))
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), pos=(0, 0, -1), rgba=(0.6, 0.6, 0.6, 1)
+        )
     return spec.compile()
 
 

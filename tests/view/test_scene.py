@@ -120,7 +120,10 @@ def test_the_selected_body_is_outlined(studio):
 def test_nothing_is_drawn_while_nothing_changes(studio):
     page = studio(boxes())
     page.show(flags=PAUSED)
-    frames = "count => new Promise(done => { let n = 0; const next = () => (++n > count ? done() : requestAnimationFrame(next)); next(); })"
+    frames = """count => new Promise((done) => {
+        const next = () => (count-- > 0 ? requestAnimationFrame(next) : done());
+        next();
+    })"""
     page.page.evaluate(frames, 20)
     drawn = page.stats()["drawn"]
     page.page.evaluate(frames, 20)
@@ -211,7 +214,10 @@ def test_a_lost_graphics_context_is_reported_and_restored(studio):
     page.show()
     before = page.picture()
     page.page.evaluate(
-        "window.lost = window.mjplug.app.stage.renderer.getContext().getExtension('WEBGL_lose_context'); window.lost.loseContext()"
+        """() => {
+            window.lost = window.mjplug.app.stage.renderer.getContext().getExtension("WEBGL_lose_context");
+            window.lost.loseContext();
+        }"""
     )
     message = page.page.get_by_text("The graphics card has reset")
     message.wait_for()
