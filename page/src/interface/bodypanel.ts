@@ -8,7 +8,7 @@ import { bodyName, type Selected } from "./selection.ts";
 
 const PERIOD = 100;
 const DEGREES = 180 / Math.PI;
-const JOINT_UNITS = { free: "", ball: "rad", slide: "m", hinge: "rad" } as const;
+const UNITS = { free: "", ball: "rad", slide: "m", hinge: "rad" } as const;
 
 type Frame = "world" | "parent" | "root";
 
@@ -34,7 +34,7 @@ export function install({ shell, selection, settings }: App): void {
       update();
     },
   });
-  const parts = element("div");
+  const parts = element("div", { className: "parts" });
   const details = element("div", { className: "rows" }, heading, facts.element, frame.element, pose.element, parts);
   content.append(empty, details);
 
@@ -113,9 +113,10 @@ function describeParts(world: World, body: number): HTMLElement[] {
   if (own.length > 0) {
     const table = new Properties();
     own.forEach(({ name, type, range }, index) => {
-      const limits = range === null ? "unlimited" : range.map((limit) => fixed(limit, 2)).join(" … ");
-      const text = type === "free" ? "free" : `${type}, ${limits}${range === null ? "" : ` ${JOINT_UNITS[type]}`}`;
-      table.set(name || `joint ${index}`, text);
+      const limits = range?.map((limit) => fixed(limit, 2)).join(" … ");
+      const text =
+        limits === undefined ? (type === "free" ? "free" : `${type}, unlimited`) : `${limits} ${UNITS[type]}`;
+      table.set(name || `joint ${index}`, text, `${type} joint`);
     });
     result.push(element("h3", {}, "Joints"), table.element);
   }

@@ -145,7 +145,13 @@ function askSpeed({ shell, servers }: App, set: (speed: number) => void, cancell
   const hint = "Simulated seconds per second of wall time, from 0.001 to 1000.";
   const apply = element("button", { className: "button primary", type: "submit" }, "Set speed");
   form.append(
-    element("label", { className: "field" }, element("span", {}, "Speed"), input, element("span", {}, "×")),
+    element(
+      "label",
+      { className: "field" },
+      element("span", {}, "Speed"),
+      input,
+      element("span", { className: "unit" }, "×"),
+    ),
     element("p", { className: "hint" }, hint),
     element("div", { className: "row end" }, apply),
   );
