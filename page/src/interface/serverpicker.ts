@@ -1,12 +1,12 @@
 import type { App } from "../app.ts";
-import { select, toggle } from "./controls.ts";
+import { select, slider, toggle } from "./controls.ts";
 import { element } from "./element.ts";
 import { icon } from "./icons.ts";
 import { connection } from "./status.ts";
 
 /** Adds the name of the server, the list of servers if there are several, and the states in which there is no picture. */
 export function install(app: App): void {
-  const { shell, source, servers, stage } = app;
+  const { shell, source, servers, settings, stage } = app;
   const dot = element("span", { className: "dot" });
   const name = element("span", { className: "name" });
   const picker = select({
@@ -19,6 +19,26 @@ export function install(app: App): void {
   shell.tool("server", brand, picker.element);
   const list = shell.panel("Servers", { side: "left", icon: "server", order: 10, open: true });
   const panel = list.parentElement!;
+  const rows = element("div", { className: "rows" });
+  const place = (distance: number) =>
+    source.servers.forEach(({ id }, index) => stage.setOffset(id, [index * distance, 0, 0]));
+  const distance = slider({
+    label: "Distance",
+    unit: "m",
+    min: 0,
+    max: 10,
+    step: 0.1,
+    decimals: 1,
+    value: settings.get("distance", 0),
+    change: place,
+    commit: (value) => settings.set("distance", value),
+  });
+  distance.element.title = "Distance between the servers in the scene, along x";
+  list.append(
+    rows,
+    element("p", { className: "hint" }, "All checked servers are drawn in one scene."),
+    distance.element,
+  );
   const curtain = element("div", { className: "curtain" });
   const banner = element("div", { className: "banner" });
   for (const part of [curtain, banner]) part.setAttribute("role", "status");
@@ -43,8 +63,8 @@ export function install(app: App): void {
       shown = key;
       picker.set(source.servers.map((entry) => ({ value: `${entry.id}`, text: label(entry) })));
       picker.value = `${servers.current?.id}`;
-      const hint = element("p", { className: "hint" }, "All checked servers are drawn in one scene.");
-      list.replaceChildren(...source.servers.map((entry) => row(app, entry.id, label(entry))), hint);
+      rows.replaceChildren(...source.servers.map((entry) => row(app, entry.id, label(entry))));
+      place(distance.value);
     }
     showState();
   }
