@@ -106,18 +106,24 @@ def unavailable(reason):
 
 
 @pytest.fixture(scope="session")
-def browser():
-    """Chromium without a window; one for all tests of a process."""
+def playwright():
+    """Playwright; one for all tests of a process, because it cannot be started twice."""
     if not shutil.which(CHROMIUM):
         unavailable(f"{CHROMIUM} is missing (apt-get install chromium)")
     if not (PAGE / "page.js").exists():
         unavailable("the page is not built (make page)")
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
+    with sync_playwright() as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def browser(playwright):
+    """Chromium without a window; one for all tests of a process."""
+    chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+    yield chromium
+    chromium.close()
 
 
 @pytest.fixture

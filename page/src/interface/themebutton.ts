@@ -9,7 +9,7 @@ const LABELS: Readonly<Record<Theme, string>> = {
 };
 
 /** Adds the switch between dark and light. */
-export function install({ shell, stage }: App): void {
+export function install({ shell }: App): void {
   const { themes } = shell;
   const show = () => created.set({ icon: themes.current, label: `${LABELS[themes.current]}; click to change` });
   const created = button({
@@ -22,8 +22,5 @@ export function install({ shell, stage }: App): void {
     },
   });
   show();
-  const background = () => stage.background(themes.dark ? "dark" : "light");
-  themes.listen(background);
-  background();
   shell.tool("page", created.element);
 }

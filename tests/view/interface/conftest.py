@@ -1,39 +1,8 @@
 """Servers, relays and pages in Chromium."""
 
-import os
-import shutil
-
 import pytest
 from view.interface import live
 from view.interface.toys import OTHER, TOYS
-
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ("--no-sandbox", "--disable-dev-shm-usage")
-BUILT = live.Path(__file__).parents[3] / "mjplug" / "view" / "page" / "page.js"
-
-
-@pytest.fixture(scope="session")
-def playwright():
-    """Playwright, or a skipped test where it, Chromium or the built page is missing; in CI that is a failure."""
-    missing = None
-    if CHROMIUM is None:
-        missing = "there is no chromium"
-    elif not BUILT.exists():
-        missing = "the page is not built; run `make page`"
-    if missing is not None:
-        pytest.fail(missing) if os.environ.get("CI") else pytest.skip(missing)
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as running:
-        yield running
-
-
-@pytest.fixture(scope="session")
-def browser(playwright):
-    """Chromium without a window."""
-    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
-    yield browser
-    browser.close()
 
 
 @pytest.fixture(scope="package")

@@ -3,8 +3,9 @@
 import math
 
 import pytest
+from view.conftest import ARGUMENTS, CHROMIUM
 from view.interface import live
-from view.interface.conftest import ARGUMENTS, CHROMIUM, shown
+from view.interface.conftest import shown
 from view.interface.live import until
 from view.interface.pages import button, point, select, selected, wait
 

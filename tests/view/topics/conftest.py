@@ -2,10 +2,8 @@
 
 import pytest
 from view.interface import live
-from view.interface.conftest import browser, playwright, shown
+from view.interface.conftest import shown
 from view.topics.robot import CONFIG, XML, Robot
-
-__all__ = ["browser", "playwright"]
 
 
 @pytest.fixture(scope="package")

@@ -7,7 +7,7 @@ import uuid
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from view.interface.conftest import ARGUMENTS, CHROMIUM
+from view.conftest import ARGUMENTS, CHROMIUM
 from view.interface.live import PATIENCE, View, kill_by_argument, until
 from view.topics.robot import open_panel
 
