@@ -258,6 +258,7 @@ function commandable({ joints, actuators }: Info): { actuated: JointInfo[]; othe
 /** A button that moves a joint while it is held. */
 function jogButton(text: string, label: string, x: number, jog: Jog): HTMLElement {
   const created = button({ text, label, className: "jog", run: () => undefined }).element;
+  created.setAttribute("aria-label", label);
   let timer: ReturnType<typeof setInterval> | undefined;
   const end = () => {
     if (timer === undefined) return;

@@ -128,7 +128,7 @@ def test_keys_drive_only_while_armed_and_release_stops_the_base(robot, page, com
     open_panel(page, "Topics")
     page.get_by_label("Search topics").fill("i j k l , . u o m")
     assert commands == []
-    page.locator(".drive-banner span").click()
+    page.locator(".drive-banner span").first.click()
     page.get_by_label("Search topics").blur()
     page.keyboard.down("i")
     until(lambda: drives(robot))
@@ -202,7 +202,7 @@ def test_a_read_only_page_drives_nothing(running, robot, open_page):
         panel = open_panel(page, "Drive")
         button = panel.get_by_role("button", name="Arm", exact=True)
         until(lambda: button.get_attribute("aria-disabled") == "true")
-        button.click()
+        button.click(force=True)
         expect(page.locator(".drive-banner")).to_be_hidden()
         expect(open_panel(page, "Joints").get_by_label("shoulder [rad]")).to_be_disabled()
     finally:
