@@ -1,5 +1,6 @@
 """A configuration that was read: its values, their places, and its problems."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -26,6 +27,12 @@ class Loaded(Origins):
         super().__init__(tree, folder)
         self.settings = settings
         self.warnings = tuple(warnings)
+
+    @property
+    def states_folder(self) -> Path | None:
+        """The folder of `snapshots.folder`, which need not exist; None if it is not set."""
+        name = self.settings.snapshots.folder
+        return self.folders(("snapshots", "folder"))[0] / os.path.expanduser(name) if name else None
 
 
 class Draft(Origins):

@@ -123,6 +123,22 @@ class Zenoh(Section):
     )
 
 
+class Snapshots(Section):
+    """Settings of saved states."""
+
+    max_states: int = Field(
+        64, ge=0, description="Maximum number of states in memory, and of those in `folder`; more are refused."
+    )
+    max_bytes: int = Field(
+        256 << 20,
+        ge=0,
+        description="Maximum size of all states in memory, and of those in `folder` [bytes].",
+    )
+    folder: str = Field(
+        "", description="Folder of states that are saved as files, relative to this file; empty: no files."
+    )
+
+
 class Ros2(Section):
     """Settings for ROS 2 nodes with rmw_zenoh."""
 
@@ -180,6 +196,7 @@ class Settings(Section):
     remap: dict[FullName, FullName] = Field({}, description="Replacements of full names: `{/clock: '{ns}/clock'}`.")
     sim: Sim = Field(Sim(), description="Settings of the simulation.")
     zenoh: Zenoh = Field(Zenoh(), description="Settings of the Zenoh session.")
+    snapshots: Snapshots = Field(Snapshots(), description="Settings of saved states.")
     ros2: Ros2 = Field(Ros2(), description="Settings for ROS 2 nodes with rmw_zenoh.")
     plugins: dict[NodeName, PluginEntry] = Field({}, description="Plugin instances, by instance name.")
     ros_params: Annotated[tuple[str, ...], Field(strict=False)] = Field(

@@ -30,15 +30,17 @@ class Job:
 
     Attributes:
         time_ns: Simulated time of the state [ns]; the time stamp of all messages made from it.
-        epoch: Number of resets before the state.
+        epoch: Number of resets and restored states before the state.
         tasks: Names of the tasks; the plugin chooses them.
         context: The value that was given to `submit` with the state.
+        lineage: Number of resets in the past of the state, for the seeds of noise; see `Host.lineage`.
     """
 
     time_ns: int
     epoch: int
     tasks: frozenset[str]
     context: Any = None
+    lineage: int = 0
 
 
 class Work(ABC):

@@ -17,6 +17,7 @@ from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.pacing import Pacer, Speed
+from mjplug.physics.part import Part
 from mjplug.physics.recovery import OnDivergence, Recovery
 from mjplug.physics.reset import Reset
 from mjplug.physics.scheduler import Request, Scheduler, Slow
@@ -57,7 +58,8 @@ class Loop:
         lockstep: One key for each worker process that must finish its job before the next step. While the set is not
             empty, no step is taken, but requests are served.
         paused: Whether the simulation is paused.
-        on_reset: Called after every reset, after `on_reset` of all steppers.
+        on_reset: Called after every reset and every restored state, after `on_reset` or `restore` of all parts.
+        parts: The server itself and its plugin instances, whose states are saved.
         on_stepped: Called after the steps of a goal were taken, before the request is answered; publishes `/clock`.
         on_idle: Called while `run` is paused and has nothing to do: at once, and then about once a second of wall time.
             It publishes `/clock`.
@@ -66,6 +68,7 @@ class Loop:
         recovery: The divergence policy and its log lines.
         timing: Measured duration of steps, and how late they start [s of wall time].
         failure: The error that ended `run`; None if there was none.
+        end_of_time: The last step whose time fits into a ROS message.
         last_step: `run` ends after this step. The default is the last step whose time fits into a ROS message.
 
     Args:
@@ -89,6 +92,7 @@ class Loop:
         self.pacer = Pacer(simulation.time, speed)
         self.paused = paused
         self.on_reset: list[Callable[[], None]] = []
+        self.parts: list[Part] = []
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
@@ -98,8 +102,8 @@ class Loop:
         self.goals = StepGoals()
         self.lockstep: set[object] = set()
         self.failure: MjplugError | None = None
-        self._end_of_time = simulation.time.steps_covering(MAX_SIMULATED_TIME * 1_000_000_000 + 1) - 1
-        self.last_step = self._end_of_time
+        self.end_of_time = simulation.time.steps_covering(MAX_SIMULATED_TIME * 1_000_000_000 + 1) - 1
+        self.last_step = self.end_of_time
         self._stopping = False
         self._batch = 1
         self._idle_at = 0.0
@@ -158,6 +162,20 @@ class Loop:
         self.scheduler.cancel("cancelled: the world was reset")
         self.steppers.on_reset()
         self.scheduler.rephase(self.simulation.step)
+        self._anchor_pacer()
+        for callback in self.on_reset:
+            callback()
+
+    def restore(self, put_back: Callable[[], None]) -> None:
+        """Refuses every waiting request, except one that calls this, and puts a saved state back.
+
+        Args:
+            put_back: Sets the state of the simulation, of the parts and of the timers. It must not fail.
+        """
+        self.goals.cancel("cancelled: a state was restored")
+        self.scheduler.cancel("cancelled: a state was restored")
+        self.simulation.epoch += 1
+        put_back()
         self._anchor_pacer()
         for callback in self.on_reset:
             callback()
@@ -283,7 +301,7 @@ class Loop:
 
     def _end_at_last_step(self, step: int) -> None:
         """Ends `run` after its last step."""
-        if step < self._end_of_time:
+        if step < self.end_of_time:
             self.stop()
         else:
             self.fail(

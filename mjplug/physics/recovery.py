@@ -84,6 +84,14 @@ class Recovery:
         self._report("pause", now, f"{self.last}; paused before that step ({why})", *remedy)
         return "pause"
 
+    def steps_since_reset(self, step: int) -> int:
+        """Returns the number of steps since the last automatic reset, at most `MIN_STEPS_BETWEEN_RESETS`."""
+        return min(step - self._reset_at, MIN_STEPS_BETWEEN_RESETS)
+
+    def restore(self, step: int, steps_since_reset: int) -> None:
+        """Sets what `steps_since_reset` returns at `step`, when a saved state is restored."""
+        self._reset_at = step - steps_since_reset
+
     def before_diverged_step(self, simulation: Simulation) -> bool:
         """Returns whether the next step is the one that diverged last."""
         return self._diverged_at == (simulation.step, simulation.epoch)

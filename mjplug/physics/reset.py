@@ -50,3 +50,4 @@ class Reset:
             free_joint.apply(simulation, self.free_joints)
         simulation.forward()
         simulation.epoch += 1
+        simulation.lineage += 1

@@ -3,7 +3,7 @@
 import heapq
 import itertools
 import logging
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from fractions import Fraction
 from typing import Protocol
 
@@ -84,6 +84,8 @@ class Timer:
         due: Step number of the next firing.
         asleep: Whether the timer sleeps.
         cancelled: Whether the timer was cancelled.
+        period_steps: The period in steps, at least 1.
+        start: The step number from which the periods count.
 
     Args:
         period_steps: The period in steps, at least 1.
@@ -99,18 +101,30 @@ class Timer:
         self.while_true = while_true
         self.asleep = False
         self.cancelled = False
+        self.period_steps = period_steps
         self._num, self._den = period_steps.numerator, period_steps.denominator
-        self.rephase(start)
-
-    def rephase(self, start: int) -> None:
-        """Counts the periods from the step number `start` on."""
-        self._start = start
+        self.start = start
         self.due_after(start)
 
     def due_after(self, step: int) -> None:
         """Sets `due` to the first firing after `step`, in the same phase."""
-        periods = (step - self._start) * self._den // self._num + 1
-        self.due = self._start - (-periods * self._num // self._den)
+        periods = (step - self.start) * self._den // self._num + 1
+        self.due = self.start - (-periods * self._num // self._den)
+
+    def is_due(self, step: int) -> bool:
+        """Returns whether the timer has a firing at `step` that has not happened yet."""
+        return self.due <= step and not self.asleep
+
+    def resume(self, start: int, due_now: bool, step: int) -> None:
+        """Continues an earlier phase.
+
+        Args:
+            start: The step number from which the periods count.
+            due_now: Whether a firing at `step` has not happened yet.
+            step: The present step number.
+        """
+        self.start, self.asleep = start, False
+        self.due_after(step - due_now)
 
     def cancel(self) -> None:
         """Stops the timer permanently."""
@@ -123,6 +137,7 @@ class WaitingCall:
     Attributes:
         owner: Key for `Scheduler.cancel`.
         done: Whether the request has been answered.
+        running: Whether the handler runs now, further up in the call stack.
 
     Args:
         generator: The service handler's generator.
@@ -134,12 +149,14 @@ class WaitingCall:
     def __init__(self, generator: Slow, answer: Answer, owner: object, failures: FailureLog) -> None:
         self.owner = owner
         self.done = False
+        self.running = False
         self._failures = failures
         self._generator = generator
         self._answer = answer
 
     def resume(self) -> Wait | None:
         """Runs the handler to its next wait and returns the wait; None if the request has been answered."""
+        self.running = True
         try:
             try:
                 wait: object = next(self._generator)
@@ -158,6 +175,8 @@ class WaitingCall:
                 raise
             self._failures.log("a service failed")
             self._answer.refuse(f"internal error: {error!r}")
+        finally:
+            self.running = False
         self.done = True
         return None
 
@@ -245,19 +264,31 @@ class Scheduler:
         self.next_due = heap[0][0] if heap else NEVER
 
     def cancel(self, reason: str, owner: object = None) -> None:
-        """Refuses every waiting request with `reason`; if `owner` is given, only the requests of that owner."""
-        for call in [call for call in self._calls if owner is None or call.owner is owner]:
+        """Refuses every waiting request with `reason`; if `owner` is given, only the requests of that owner.
+
+        A request whose handler calls this is not refused.
+        """
+        for call in [call for call in self._calls if (owner is None or call.owner is owner) and not call.running]:
             # Closing an earlier call may have ended this one.
             self._calls.pop(call, None)
             call.close(reason)
 
     def rephase(self, step: int) -> None:
         """Restarts the phase of every timer at `step`, and removes everything else that was due."""
+        self.restore(step, {})
+
+    def restore(self, step: int, phases: Mapping[Timer, tuple[int, bool]]) -> None:
+        """Continues earlier phases of timers at `step`, and removes everything else that was due.
+
+        Args:
+            step: The present step number.
+            phases: For each timer that continues, the step number from which its periods count, and whether a firing at
+                `step` has not happened yet. The other timers start a new period.
+        """
         self._heap.clear()
         self.next_due = NEVER
         for timer, order in self._timers.items():
-            timer.asleep = False
-            timer.rephase(step)
+            timer.resume(*phases.get(timer, (step, False)), step)
             self._push_timer(order, timer)
 
     def _push(self, due: int, order: int, run: Callable[[int], None]) -> None:

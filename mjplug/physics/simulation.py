@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from mjplug.errors import MjplugError, ModelError, UnknownName
 from mjplug.limits import MAX_TIMESTEP, MIN_TIMESTEP
 from mjplug.near_names import Names
-from mjplug.physics import divergence
+from mjplug.physics import divergence, physics_state
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.memory import SavedArrays, ZeroedArrays, float_view
+from mjplug.physics.physics_state import PhysicsState
 from mjplug.physics.step_time import StepTime
 from mjplug.physics.velocity import VelocityHold
 
@@ -34,11 +35,14 @@ class Simulation:
     Attributes:
         model: The compiled model.
         data: The current state.
-        step: Steps taken since the start; a reset does not change it.
-        epoch: Resets since the start.
+        step: Steps taken since the start. A reset does not change it; restoring a state may set it to an earlier one.
+        epoch: Resets and restored states since the start; it only grows.
+        lineage: Resets in the past of the present state. Noise depends on it, so that it is the same again after a
+            state was restored.
         time: Conversion between step numbers and simulated time.
         free_joints: Joint id of the free joint by body id, in joint order.
         free_bodies: Names of the bodies with a free joint.
+        holds: The velocity holds that hold now, in the order in which they are written to `qvel`.
 
     Args:
         model: The compiled model; its flag mjDSBL_AUTORESET is set.
@@ -59,6 +63,7 @@ class Simulation:
         self.data = mujoco.MjData(model)
         self.step = 0
         self.epoch = 0
+        self.lineage = 0
         self.time = StepTime(float(model.opt.timestep))
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         # Built in advance, so that a request with a wrong name takes little time on the physics thread.
@@ -85,7 +90,8 @@ class Simulation:
         self._forwarded = 0
         self._warnings = self.data.warning.number.data
         self._qvel = float_view(self.data.qvel)
-        self._holds: list[VelocityHold] = []
+        self.holds: list[VelocityHold] = []
+        self._results: dict[str, NDArray[np.float64]] | None = None
         self._holders: dict[int, str] = {}
         self._controllers: dict[int, str] = {}
 
@@ -122,7 +128,7 @@ class Simulation:
         """
         warnings = self._warnings
         try:
-            if self._holds:
+            if self.holds:
                 self._step_holding(steps)
             else:
                 mujoco.mj_step(self.model, self.data, steps)
@@ -152,7 +158,7 @@ class Simulation:
         Raises:
             MjplugError: The model has no such degree of freedom.
         """
-        hold = VelocityHold(dofs, self.model.nv, self._holds)
+        hold = VelocityHold(dofs, self.model.nv, self.holds)
         others = {self._holders.setdefault(dof, owner) for dof in dofs} - {owner}
         return hold, others
 
@@ -215,6 +221,40 @@ class Simulation:
         data.time = self._summed_time = self.time.seconds(self.step)
         self._kinematics_current = False
 
+    def save(self) -> PhysicsState:
+        """Returns a copy of the state."""
+        asleep = self.data.tree_asleep if physics_state.sleeps(self.model) else np.empty(0, np.int32)
+        return PhysicsState(
+            physics_state.vector_of(self.model, self.data),
+            asleep.copy(),
+            {name: array.copy() for name, array in self._result_arrays().items()},
+            self._kinematics_current,
+            self._forwarded == self.step,
+        )
+
+    def check(self, state: PhysicsState) -> None:
+        """Checks that a state fits the model.
+
+        Raises:
+            RequestError: It does not fit.
+        """
+        physics_state.check(self.model, state, self._result_arrays())
+
+    def put_back(self, state: PhysicsState, step: int | None) -> None:
+        """Sets a state that `check` has accepted, with the results of its last step.
+
+        Args:
+            state: The state.
+            step: Number of steps taken before the state; None keeps the present number, and thus simulated time.
+        """
+        time = self.time.seconds(self.step) if step is None else None
+        physics_state.put_back(self.model, self.data, state, self._result_arrays(), time)
+        if step is not None:
+            self.step = step
+        self._summed_time = self.data.time
+        self._kinematics_current = state.poses_current
+        self._forwarded = self.step if state.sensors_current else -1
+
     def keyframes(self) -> list[str]:
         """Returns the name of each keyframe, or its index if it is unnamed."""
         names = (mujoco.mj_id2name(self.model, _KEY, i) for i in range(self.model.nkey))
@@ -253,6 +293,11 @@ class Simulation:
         """
         return self._id(_JOINT, "joint", name)
 
+    def _result_arrays(self) -> dict[str, NDArray[np.float64]]:
+        if self._results is None:
+            self._results = physics_state.result_arrays(self.data)
+        return self._results
+
     def _id(self, kind: mujoco.mjtObj, word: str, name: str) -> int:
         found = mujoco.mj_name2id(self.model, kind, name) if name and "\0" not in name else -1
         if found < 0:
@@ -267,12 +312,12 @@ class Simulation:
         # This code runs at every step, so it is written for speed.
         step, model, data, qvel = mujoco.mj_step, self.model, self.data, self._qvel
         if steps == 1:
-            for hold in self._holds:
+            for hold in self.holds:
                 for dof, velocity in zip(hold.dofs, hold.velocities):  # noqa: B905 - `set` checked the lengths
                     qvel[dof] = velocity
             step(model, data, 1)
             return
-        held = [pair for hold in self._holds for pair in zip(hold.dofs, hold.velocities, strict=True)]
+        held = [pair for hold in self.holds for pair in zip(hold.dofs, hold.velocities, strict=True)]
         for _ in repeat(None, steps):
             for dof, velocity in held:
                 qvel[dof] = velocity

@@ -1,5 +1,6 @@
 """Objects that the loop updates before every step, such as plugins. Physics thread only."""
 
+from collections.abc import Collection
 from typing import Protocol
 
 import numpy as np
@@ -95,6 +96,12 @@ class Steppers:
         self._simulation.clear_forces()
         for stepper in self._all:
             stepper.on_reset()
+
+    def reset_others(self, restored: Collection[Stepper]) -> None:
+        """Calls `on_reset` of every stepper whose state was not restored."""
+        for stepper in self._all:
+            if stepper not in restored:
+                stepper.on_reset()
 
     def _failed(self, stepper: Stepper, error: BaseException, begun: bool) -> None:
         if not is_fault(error):

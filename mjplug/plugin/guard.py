@@ -7,6 +7,7 @@ from typing import ParamSpec, Protocol
 
 from mjplug.errors import PluginError, is_fault
 from mjplug.physics.loop import Loop
+from mjplug.physics.scheduler import Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.stopwatch import Stopwatch
 
@@ -40,6 +41,7 @@ class Guard:
     Attributes:
         disabled: Why the instance was disabled; empty while it is enabled.
         holds: Velocity holds to release when the instance is disabled.
+        timers: Timers of the instance that were not cancelled, by their number in the order of creation.
 
     Args:
         name: The instance's name.
@@ -54,12 +56,31 @@ class Guard:
     ) -> None:
         self.disabled = ""
         self.holds: list[VelocityHold] = []
+        self.timers: dict[int, Timer] = {}
+        self._timers_created = 0
         self._name = name
         self._logger = logger
         self._loop = loop
         self._stopwatch = stopwatch
         self._disable_on_error = disable_on_error
         self._stepper: PluginStepper | None = None
+
+    def add_timer(self, timer: Timer) -> Timer:
+        """Adds a timer of the instance; returns it."""
+        self.timers = {number: other for number, other in self.timers.items() if not other.cancelled}
+        self.timers[self._timers_created] = timer
+        self._timers_created += 1
+        return timer
+
+    @property
+    def stepper(self) -> PluginStepper | None:
+        """The stepper of the plugin; None before `attach`."""
+        return self._stepper
+
+    @property
+    def active(self) -> bool:
+        """Whether the plugin's `update` is called before every step."""
+        return self._stepper in self._loop.steppers.active
 
     @property
     def name(self) -> str:
@@ -101,6 +122,10 @@ class Guard:
             self._stopwatch.add(began)
 
         return call
+
+    def report(self, what: str, error: BaseException) -> None:
+        """Logs an exception of the plugin that neither disables it nor stops the server."""
+        self._logger.error("plugin %s: %s", self._name, what, exc_info=error)
 
     def fail(self, error: BaseException) -> None:
         """Disables the instance: refuses its requests and releases its holds. Stops the server if the policy says so.

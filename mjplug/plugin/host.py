@@ -21,6 +21,7 @@ from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.physics.loop import Loop
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.guard import Stepping
+from mjplug.plugin.instance_part import InstancePart
 from mjplug.plugin.node_view import NodeView, Resolve
 from mjplug.plugin.parameters import Parameters
 from mjplug.plugin.stopwatch import Stopwatch
@@ -80,6 +81,8 @@ class Host(NodeView):
             frame_prefix,
         )
         self.random = np.random.default_rng([seed, *name.encode()])
+        self._part = InstancePart(self._guard, lambda: self.random)
+        loop.parts.append(self._part)
         self._changeable = changeable or ChangeableParameters()
         self._workers = workers
         self._diagnostics = diagnostics
@@ -229,7 +232,8 @@ class Host(NodeView):
                 self._guard.fail(error)
                 raise RequestError(f"plugin {self.name} failed: {error!r}") from error
 
-        self._changeable.add(group, ParameterGroup[BaseModel](values, change))
+        self._part.groups[name] = declared = ParameterGroup[BaseModel](values, change)
+        self._changeable.add(group, declared)
 
     def attach(self, plugin: Stepping) -> None:
         """Makes the loop call the plugin's `on_reset`, and its `update` while it is active.
@@ -237,6 +241,7 @@ class Host(NodeView):
         The server calls this once, before `init`.
         """
         self._guard.attach(plugin)
+        self._part.attach(self.name, plugin)
 
 
 def _nothing(*_: Any) -> None:

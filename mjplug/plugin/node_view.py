@@ -208,7 +208,7 @@ class NodeView(WorldView):
         loop, simulation = self._loop, self._simulation
         steps = simulation.time.steps_per(period)
         if while_matched is None:
-            return loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step)
+            return self._guard.add_timer(loop.scheduler.every(steps, self._guard.guarded(callback), simulation.step))
         publishers = tuple(while_matched) if isinstance(while_matched, Sequence) else (while_matched,)
         if any(publisher not in self._timers_by_publisher for publisher in publishers):
             raise PluginError("while_matched contains an object that is not a publisher of this plugin")
@@ -218,6 +218,7 @@ class NodeView(WorldView):
             simulation.step,
             while_true=lambda: any(publisher.matched for publisher in publishers),
         )
+        self._guard.add_timer(timer)
         for publisher in publishers:
             self._timers_by_publisher[publisher].append(timer)
         return timer

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, get_args, get_origin
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_origin
 
 from mjplug.plugin.parameters import Parameters
 
@@ -40,12 +41,17 @@ class Plugin(ABC, Generic[P]):
 
     Attributes:
         parameters_type: The parameter class.
+        stateless: Whether nothing in the plugin has to be saved with the state of the simulation, apart from what the
+            server saves for each instance; see `save`.
     """
 
+    stateless: ClassVar[bool] = False
     parameters_type: ClassVar[type[Parameters]] = Parameters
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
+        if cls.save is not Plugin.save and cls.restore is Plugin.restore:
+            raise TypeError(f"plugin {cls.__name__} has the method save; add the method restore")
         argument = _parameters_of(cls)
         if isinstance(argument, TypeVar):
             # The class is generic, or its generic base got no argument; its code may then use the variable's bound.
@@ -79,6 +85,34 @@ class Plugin(ABC, Generic[P]):
 
     def on_reset(self) -> None:
         """Runs after the world was reset and waiting requests were refused. Discard data about the old state here."""
+
+    def save(self) -> Mapping[str, Any] | None:
+        """Returns the plugin's part of a saved state: all data that later calls depend on.
+
+        The server saves MuJoCo's state, timers, velocity holds, whether the plugin is active, `host.random`, and
+        parameters that clients can change. A plugin for which this is enough sets `stateless = True` instead of this
+        method.
+
+        Save step numbers and times relative to `host.step` and `host.time_ns`, because both may differ after a restore.
+
+        Returns:
+            JSON values and NumPy arrays of numbers, by name; None if the state cannot be saved. The server then lists
+            the plugin as left out of the saved state.
+        """
+        return None
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets what `save` has returned; called instead of `on_reset`, after the state of the simulation was restored.
+
+        The default calls `on_reset`.
+
+        Args:
+            saved: Equal to what `save` has returned. It may come from a file, so check it before anything changes.
+
+        Raises:
+            RequestError: It does not fit this plugin. The server then calls `on_reset`, or refuses the whole restore.
+        """
+        self.on_reset()
 
     def cleanup(self) -> None:
         """Releases resources that `init` acquired. Everything created through the host is released automatically."""

@@ -33,13 +33,21 @@ class WorldView:
 
     @property
     def step(self) -> int:
-        """Number of steps taken since the server started."""
+        """Number of steps taken since the server started; restoring a saved state may set it to an earlier number."""
         return self._simulation.step
 
     @property
     def epoch(self) -> int:
-        """Number of resets of the world since the server started."""
+        """Number of resets of the world, and of restored states, since the server started."""
         return self._simulation.epoch
+
+    @property
+    def lineage(self) -> int:
+        """Number of resets in the past of the present state, for the seeds of noise.
+
+        Unlike `epoch`, it is restored with a saved state. Noise that depends on it and on the time is then the same.
+        """
+        return self._simulation.lineage
 
     @property
     def time_ns(self) -> int:

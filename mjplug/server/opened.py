@@ -71,7 +71,9 @@ class OpenedServer:
             workers = ProcessWorkerPool(wanted, self.network.session.endpoints)
             closing.callback(workers.close)
             self._calls = LocalCalls(self.network)
-            self.server = Server(settings, simulation, self._calls, prepared.plugins, workers, model.path)
+            self.server = Server(
+                settings, simulation, self._calls, prepared.plugins, workers, model.path, prepared.loaded.states_folder
+            )
             closing.callback(self.server.end)
             rates = TopicRates(self.network, perf_counter())
             self.server.loop.on_second.insert(0, rates.refresh)

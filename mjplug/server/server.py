@@ -7,6 +7,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from mjplug import __version__
 from mjplug.config.instance_names import InstanceNames, instance_names, server_names
 from mjplug.config.settings import Settings
 from mjplug.contracts.diagnostics import Diagnostics
@@ -30,6 +31,7 @@ from mjplug.services import (
     step_simulation,
 )
 from mjplug.services.plugin_times import PluginTimes
+from mjplug.services.states import service as states
 from mjplug.services.view import service as view
 from mjplug_schemas import names
 
@@ -52,6 +54,7 @@ class Server:
         plugins: The plugins to run, in the order of their updates.
         workers: Starts the worker processes of the plugins; the caller closes it after `run`.
         model_file: The file of the model; None if it has none.
+        states_folder: The folder of saved states; None if there is none.
 
     Raises:
         PluginError: Plugins refused to start; the text names all of them. Plugins that had started are cleaned up.
@@ -65,6 +68,7 @@ class Server:
         plugins: Sequence[Selected],
         workers: WorkerPool,
         model_file: Path | None = None,
+        states_folder: Path | None = None,
     ) -> None:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
@@ -84,6 +88,8 @@ class Server:
         name = f"{settings.namespace}/{settings.node_name}"
         for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
+        limits = states.Limits(settings.snapshots.max_states, settings.snapshots.max_bytes)
+        self._cleanups.callback(states.offer(host, self.loop, sim.seed, __version__, limits, states_folder))
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)

@@ -65,7 +65,7 @@ class InlineWorker:
             before = self._waiting[0].tasks
             self.status.dropped = dict(Counter(self.status.dropped) + Counter(wanted & before))
             wanted |= before
-        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted, context), state
+        self._waiting = Job(simulation.time_ns, simulation.epoch, wanted, context, simulation.lineage), state
         if not self._hold:
             self._perform()
 

@@ -166,9 +166,10 @@ def _perform_jobs(pipes: _Pipes, runner: "ChildRunner", logger: logging.Logger) 
     from mjplug.contracts.work import Job  # noqa: PLC0415 - imports MuJoCo
 
     while (message := pipes.receive()) is not None:
-        slot, matched, lag, time_ns, epoch, tasks, context = unpack(message)
+        slot, matched, lag, time_ns, epoch, lineage, tasks, context = unpack(message)
         try:
-            pipes.send(Done(runner.perform(slot, Job(time_ns, epoch, frozenset(tasks), context), matched, lag)))
+            job = Job(time_ns, epoch, frozenset(tasks), context, lineage)
+            pipes.send(Done(runner.perform(slot, job, matched, lag)))
         except Exception as error:
             logger.exception("performing %s failed", ", ".join(sorted(tasks)) or "a job")
             # A new process has a new GL context; with a broken context, all later jobs would fail too.

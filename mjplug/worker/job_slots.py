@@ -51,7 +51,7 @@ class JobSlots:
         with self._lock:
             return self._waiting is None and self._running is None
 
-    def put(self, time_ns: int, epoch: int, tasks: frozenset[str], context: Any = None) -> bool:
+    def put(self, time_ns: int, epoch: int, tasks: frozenset[str], context: Any = None, lineage: int = 0) -> bool:
         """Adds a job with the current state; returns False if the slots are closed. Physics thread only."""
         with self._lock:
             if self._closed:
@@ -61,7 +61,7 @@ class JobSlots:
                     self.dropped[task] = self.dropped.get(task, 0) + 1
                 tasks |= self._waiting.tasks
             self._take(self._slots[self._free])
-            self._waiting = Job(time_ns, epoch, tasks, context)
+            self._waiting = Job(time_ns, epoch, tasks, context, lineage)
             self._send_waiting()
             return True
 

@@ -72,7 +72,8 @@ class WorkerProcess:
         """Sends a job to a ready process; returns False if the process has ended. See `ChildRunner.perform`."""
         try:
             # A tuple of plain values, because pickling a dataclass takes ten times as long on the physics thread.
-            write(self._input, pack((slot, matched, lag, job.time_ns, job.epoch, tuple(job.tasks), job.context)))
+            values = slot, matched, lag, job.time_ns, job.epoch, job.lineage, tuple(job.tasks), job.context
+            write(self._input, pack(values))
         except OSError:
             return False
         return True

@@ -126,7 +126,7 @@ class WorkerSupervisor:
             self._awaited.update(names)
             for writer in self._writers:
                 writer.refresh_matched()
-        if not self._jobs.put(simulation.time_ns, simulation.epoch, names, context):
+        if not self._jobs.put(simulation.time_ns, simulation.epoch, names, context, simulation.lineage):
             self._post_lost(names, self.status.reason)
         elif self._spec.sync:
             # This does not wait here: the loop takes no steps, but serves requests.

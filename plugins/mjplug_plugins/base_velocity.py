@@ -1,11 +1,13 @@
 """Drives a floating base over the ground with commanded velocities."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import mujoco
 from pydantic import ConfigDict, Field
 
-from mjplug.plugin import Host, Parameters, Plugin, PluginError
+from mjplug.plugin import Host, Parameters, Plugin, PluginError, RequestError
 from mjplug.plugin.bundled import float_view
 from mjplug_plugins.free_body import free_bodies, free_body
 from mjplug_schemas.geometry_msgs import Twist, TwistStamped
@@ -97,6 +99,23 @@ class BaseVelocity(Plugin[BaseVelocityParameters]):
     def on_reset(self) -> None:
         """Discards the command; the base stands still until the next command."""
         self._stop()
+
+    def save(self) -> dict[str, Any]:
+        """Returns the command, and for how many steps it is still followed."""
+        if self._last_step == _NO_COMMAND:
+            return {"command": None, "steps": 0}
+        return {"command": self._command, "steps": self._last_step - self._host.step}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets the command. The server restores the velocity hold, and calls `update` if there was a command."""
+        if saved["command"] is None:
+            self._last_step = _NO_COMMAND
+            return
+        vx, vy, yaw_rate = map(float, saved["command"])
+        if not (math.hypot(vx, vy) < _MAX_VELOCITY and abs(yaw_rate) < _MAX_VELOCITY):
+            raise RequestError(f"its command is {vx:g}, {vy:g}, {yaw_rate:g}")
+        self._command = (vx, vy, yaw_rate)
+        self._last_step = self._host.step + int(saved["steps"])
 
     def cleanup(self) -> None:
         """Logs how many commands were ignored, if more than the one that was reported."""

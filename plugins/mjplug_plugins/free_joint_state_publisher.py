@@ -50,6 +50,8 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
     subtracted. If the entries of a message are sent to `~/set_free_joint_state`, they restore exactly that state.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: FreeJointStatePublisherParameters) -> None:
         """Prepares the message and starts the timer."""
         self._host = host

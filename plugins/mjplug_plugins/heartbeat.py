@@ -1,5 +1,8 @@
 """Publishes a line of text at a fixed rate of simulated time: the simplest plugin, and a check that the server runs."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from pydantic import Field
 
 from mjplug.plugin import Host, Parameters, Plugin
@@ -22,6 +25,14 @@ class Heartbeat(Plugin[HeartbeatParameters]):
         self._count = 0
         self._publisher = host.create_publisher(String, parameters.topic)
         host.create_timer(1.0 / parameters.update_rate, self._beat)
+
+    def save(self) -> dict[str, int]:
+        """Returns the counter."""
+        return {"count": self._count}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets the counter."""
+        self._count = int(saved["count"])
 
     def _beat(self) -> None:
         if self._publisher.matched:

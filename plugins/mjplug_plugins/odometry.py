@@ -1,13 +1,14 @@
 """Publishes the pose and velocity of a robot base, as the simulation computes them: without noise, drift or delay."""
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, PluginError, QoS
+from mjplug.plugin import CdrFrame, Host, Parameters, Plugin, PluginError, QoS, RequestError
 from mjplug_plugins.free_body import free_bodies
 from mjplug_schemas.geometry_msgs import PoseWithCovariance, TransformStamped, TwistWithCovariance
 from mjplug_schemas.nav_msgs import Odometry
@@ -22,6 +23,10 @@ Diagonal = Annotated[tuple[Variance, Variance, Variance, Variance, Variance, Var
 
 _WXYZ = "wxyz"
 """MuJoCo's order of a quaternion. The message has the order x, y, z, w, so the four numbers are written by name."""
+
+
+_ORIGIN = ("position", "axes", "inverse_rotation")
+"""Names of the arrays of the origin in a saved state."""
 
 
 class OdometryParameters(Parameters):
@@ -93,6 +98,18 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         if self._from_start:
             self._base.set_origin()
 
+    def save(self) -> dict[str, Any]:
+        """Returns the origin."""
+        origin = self._base.origin
+        return {} if origin is None else dict(zip(_ORIGIN, origin, strict=True))
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets the origin."""
+        if self._from_start != bool(saved):
+            raise RequestError("`origin` was another one")
+        if self._from_start:
+            self._base.origin = _origin(saved)
+
     def _publish(self) -> None:
         base, time_ns = self._base, self._host.time_ns
         base.read()
@@ -112,6 +129,7 @@ class _Base:
     """Computes pose and velocity of a body.
 
     Attributes:
+        origin: Position, axes and inverse rotation of the origin, shapes (3,), (3, 3) and (4,); None: the world.
         position: Position relative to the origin, in the axes of the origin, shape (3,) [m].
         quat_wxyz: Orientation relative to the origin (w, x, y, z), shape (4,).
         linear: Velocity of the body frame's origin, in body axes, shape (3,) [m/s].
@@ -127,22 +145,22 @@ class _Base:
         free = {base.body: base.dof for base in free_bodies(host.model)}
         self._qvel = data.qvel[free[body] : free[body] + 6] if body in free else None
         self._jacobians = np.zeros((2, 3, host.model.nv))
-        self._origin: tuple[Array, Array, Array] | None = None
+        self.origin: tuple[Array, Array, Array] | None = None
         self.position, self.quat_wxyz = np.zeros(3), np.zeros(4)
         self.linear, self.angular = np.zeros(3), np.zeros(3)
 
     def set_origin(self) -> None:
         """Sets the origin to the current pose."""
         self._host.kinematics()
-        self._origin = self._xpos.copy(), self._xmat.copy(), self._xquat * (1.0, -1.0, -1.0, -1.0)
+        self.origin = self._xpos.copy(), self._xmat.copy(), self._xquat * (1.0, -1.0, -1.0, -1.0)
 
     def read(self) -> None:
         """Computes the attributes for the current state."""
         self._host.kinematics()
-        if self._origin is None:
+        if self.origin is None:
             self.position, self.quat_wxyz = self._xpos, self._xquat
         else:
-            begin, axes, inverse = self._origin
+            begin, axes, inverse = self.origin
             self.position = (self._xpos - begin) @ axes
             mujoco.mju_mulQuat(self.quat_wxyz, inverse, self._xquat)
         if self._qvel is not None:
@@ -154,6 +172,13 @@ class _Base:
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacBody(model, data, self._jacobians[0], self._jacobians[1], self._body)
             self.linear, self.angular = self._jacobians @ data.qvel @ self._xmat
+
+
+def _origin(saved: Mapping[str, Any]) -> tuple[Array, Array, Array]:
+    origin = tuple(np.array(saved[name], float) for name in _ORIGIN)
+    if [array.shape for array in origin] != [(3,), (3, 3), (4,)]:
+        raise RequestError("the origin has another size")
+    return origin[0], origin[1], origin[2]
 
 
 def _only_free_body(host: Host) -> str:

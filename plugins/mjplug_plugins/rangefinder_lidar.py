@@ -92,6 +92,8 @@ class RangefinderLidar(Plugin[RangefinderLidarParameters]):
     something is too close. A scan shows the state at its stamp.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: RangefinderLidarParameters) -> None:
         """Finds the rays of each lidar and starts the timers."""
         groups = _groups(host.model)

@@ -25,6 +25,8 @@ class RobotDescriptionParameters(Parameters):
 class RobotDescription(Plugin[RobotDescriptionParameters]):
     """Publishes a URDF, or the model as MJCF, as `std_msgs/String`; late subscribers get it too."""
 
+    stateless = True
+
     def init(self, host: Host, parameters: RobotDescriptionParameters) -> None:
         """Reads the file and publishes it."""
         if parameters.file:

@@ -67,7 +67,7 @@ def test_to_hold_no_degree_of_freedom_is_to_hold_nothing(world):
     hold = world.host("none").create_velocity_hold(())
     for _ in range(3):
         hold.set()
-    assert world.simulation._holds == []
+    assert world.simulation.holds == []
 
 
 def test_a_held_velocity_outranks_an_override_of_the_same_step(world):
@@ -148,7 +148,7 @@ def test_a_plugin_that_is_switched_off_holds_nothing_any_more(world, caplog):
     with caplog.at_level(logging.CRITICAL):
         world.loop.step(11)
     assert plugin.hold.velocities == ()
-    assert world.simulation._holds == []
+    assert world.simulation.holds == []
 
 
 def test_a_reset_leaves_holding_to_the_plugin(world):

@@ -23,6 +23,8 @@ class Camera(Plugin[CameraParameters]):
     state at that time.
     """
 
+    stateless = True
+
     _schedule: Schedule | None = None
 
     def init(self, host: Host, parameters: CameraParameters) -> None:

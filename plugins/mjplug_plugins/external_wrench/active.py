@@ -1,12 +1,15 @@
 """The active wrenches, and their sum at each step."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from mjplug_plugins.external_wrench.wrench import Wrench
+
+NEVER = 1 << 62
+"""A step number that is never reached."""
 
 MAX_LOOPED = 16
 """Up to this number of wrenches, a loop over them is faster than numpy."""
@@ -16,6 +19,7 @@ class ActiveWrenches:
     """The active wrenches in the order of their start, each with the id of its markers.
 
     Attributes:
+        next_end: The first step at which a wrench ends; `NEVER` if there is none.
         looped: All wrenches if there are at most `MAX_LOOPED`, to apply one by one; else empty, and `apply` adds them.
 
     Args:
@@ -24,6 +28,7 @@ class ActiveWrenches:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.next_end = NEVER
         self.looped: tuple[Wrench, ...] = ()
         self._timestep = float(model.opt.timestep)
         self._data = data
@@ -42,18 +47,38 @@ class ActiveWrenches:
         ids = range(self._next_id, self._next_id + len(wrenches))
         self._next_id = ids.stop
         self._ids.update(zip(wrenches, ids, strict=True))
-        self.looped = tuple(self._ids) if len(self._ids) <= MAX_LOOPED else ()
+        self._changed()
         if self._table is not None:
             self._table.add(wrenches, ids)
 
     def remove(self, wrenches: Iterable[Wrench]) -> None:
         """Removes wrenches; inactive ones are ignored."""
         removed = [self._ids.pop(wrench) for wrench in wrenches if wrench in self._ids]
-        self.looped = tuple(self._ids) if len(self._ids) <= MAX_LOOPED else ()
+        self._changed()
         if len(self._ids) <= MAX_LOOPED:
             self._table = None
         elif self._table is not None and removed:
             self._table.remove(removed)
+
+    def ended(self, step: int) -> list[Wrench]:
+        """Returns the wrenches that end at `step` or before."""
+        return [wrench for wrench in self._ids if wrench.end <= step]
+
+    @property
+    def next_id(self) -> int:
+        """The id of the next wrench."""
+        return self._next_id
+
+    def replace(self, wrenches: Mapping[Wrench, int], next_id: int) -> None:
+        """Replaces all wrenches by others with their ids."""
+        self._ids = dict(wrenches)
+        self._next_id = next_id
+        self._table = None
+        self._changed()
+
+    def _changed(self) -> None:
+        self.looped = tuple(self._ids) if len(self._ids) <= MAX_LOOPED else ()
+        self.next_end = min((wrench.end for wrench in self._ids), default=NEVER)
 
     def apply(self, step: int) -> None:
         """Adds the sum of the wrenches to `xfrc_applied` at step `step`; `xmat` must be current."""

@@ -1,8 +1,9 @@
 """The external wrench plugin: service, markers, and the active wrenches at every step."""
 
-from collections.abc import Sequence
-from itertools import groupby, islice
-from operator import attrgetter
+import math
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from typing import Any
 
 from pydantic import Field
 
@@ -10,6 +11,7 @@ from mjplug.plugin import Call, Diagnosis, Host, Parameters, Plugin, RequestErro
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.external_wrench import markers
 from mjplug_plugins.external_wrench.active import ActiveWrenches
+from mjplug_plugins.external_wrench.saved import restored_wrenches, saved_wrenches
 from mjplug_plugins.external_wrench.wrench import Wrench, parse
 from mjplug_schemas.mujoco_ros2_control_msgs import ApplyExternalWrench
 from mjplug_schemas.mujoco_ros2_control_msgs import ExternalWrench as ExternalWrenchMsg
@@ -47,7 +49,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._parameters = parameters
         self._active = ActiveWrenches(host.model, host.data)
         self._shown: dict[Wrench, int] = {}
-        self._next_markers = 0.0
+        self._next_markers = self._next_event = 0
         self._timestep = float(host.model.opt.timestep)
         self._markers = host.create_publisher(MarkerArray, "~/wrench_markers")
         host.create_service(ApplyExternalWrench, "~/apply_wrench", self._apply)
@@ -57,14 +59,36 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         """Adds the active wrenches to `xfrc_applied`, with the poses of this step."""
         self._kinematics()
         step, active = self._host.step, self._active
+        if step >= self._next_event:
+            self._end_past()
+            if step >= self._next_markers:
+                self._show()
         if active.looped:
             timestep = self._timestep
             for wrench in active.looped:
                 wrench.apply((step - wrench.start) * timestep)
-        else:
+        elif active:
             active.apply(step)
-        if step >= self._next_markers:
-            self._show()
+
+    def on_reset(self) -> None:
+        """Ends all wrenches."""
+        self._end([wrench for wrench, _ in self._active])
+
+    def save(self) -> dict[str, Any]:
+        """Returns the active wrenches."""
+        step = self._host.step
+        saved = saved_wrenches(self._active, self._shown.keys(), step)
+        return saved | {"next_id": self._active.next_id, "next_markers": self._next_markers - step}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Replaces the active wrenches. Requests that have started them were refused before."""
+        wrenches, shown = restored_wrenches(self._host, saved, MAX_WRENCHES)
+        next_id, next_markers = int(saved["next_id"]), self._host.step + int(saved["next_markers"])
+        self.on_reset()
+        self._active.replace(wrenches, next_id)
+        self._shown = {wrench: wrenches[wrench] for wrench in shown}
+        self._next_markers = next_markers
+        self._plan()
 
     def _apply(self, request: ApplyExternalWrench.Request, call: Call) -> Slow:
         messages = request.wrenches.external_wrenches
@@ -87,13 +111,11 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
             call.respond(
                 ApplyExternalWrench.Response(success=True, message=f"applying {count}, the longest for {longest:g} s")
             )
-        try:
-            self._start(wrenches)
-            for end, ending in groupby(sorted(wrenches, key=attrgetter("end")), attrgetter("end")):
-                yield end
-                self._end(list(ending))
-        finally:
-            self._end(wrenches)
+        self._start(wrenches)
+        # The wrenches end in `update` too, because after a saved state was restored no request waits for them.
+        for end in sorted({wrench.end for wrench in wrenches}):
+            yield end
+            self._end_past()
         return ApplyExternalWrench.Response(success=True, message=f"applied {count}, the longest for {longest:g} s")
 
     def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
@@ -105,14 +127,25 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
     def _start(self, wrenches: list[Wrench]) -> None:
         self._active.add(wrenches)
         self._next_markers = self._host.step
+        self._plan()
         self._host.activate()
 
     def _diagnose(self) -> Diagnosis:
         active = len(self._active)
         return Diagnosis(message=f"{active} active" if active else "ok", values={"active wrenches": active})
 
+    def _plan(self) -> None:
+        """Sets the step at which `update` has more to do than to apply wrenches."""
+        self._next_event = min(self._next_markers, self._active.next_end)
+
+    def _end_past(self) -> None:
+        """Ends the wrenches whose time is over."""
+        if self._host.step >= self._active.next_end:
+            self._end(self._active.ended(self._host.step))
+
     def _end(self, wrenches: Sequence[Wrench]) -> None:
         self._active.remove(wrenches)
+        self._plan()
         ended = [(wrench, self._shown.pop(wrench)) for wrench in wrenches if wrench in self._shown]
         if ended and self._markers.matched:
             self._markers.publish(
@@ -129,7 +162,8 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
 
     def _show(self) -> None:
         step = self._host.step
-        self._next_markers = step + 1.0 / (MARKER_RATE * self._timestep)
+        self._next_markers = step + math.ceil(1.0 / (MARKER_RATE * self._timestep))
+        self._plan()
         if not self._markers.matched:
             return
         self._shown = dict(islice(self._active, MAX_SHOWN))

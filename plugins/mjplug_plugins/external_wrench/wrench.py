@@ -80,12 +80,7 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         RequestError: The body is unknown or cannot move, a number is not finite, a time is negative, or the ramp is
             longer than the duration.
     """
-    model, data = host.model, host.data
     name = message.wrench.header.frame_id
-    body = host.body_id(name)
-    if not _movable(model, body):
-        fixed = "is fixed to the world" if model.body_weldid[body] == 0 else "follows a mocap pose"
-        raise RequestError(f"body {name!r} {'is the world' if body == 0 else fixed}, so a wrench cannot move it")
     force = _vector(message.wrench.wrench.force, "wrench.wrench.force")
     torque = _vector(message.wrench.wrench.torque, "wrench.wrench.torque")
     point = _vector(message.application_point, "application_point")
@@ -93,6 +88,33 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
     ramp = _nanoseconds(message.ramp_down_duration, "ramp_down_duration")
     if ramp > duration:
         raise RequestError(f"ramp_down_duration ({ramp / 1e9:g} s) must not exceed duration ({duration / 1e9:g} s)")
+    end = host.step + max(1, host.steps_covering(duration))
+    return wrench_on(host, name, point, force, torque, (host.step, end), duration / 1e9, ramp / 1e9)
+
+
+def wrench_on(
+    host: Host, name: str, point: Vec, force: Vec, torque: Vec, steps: tuple[int, int], duration: float, ramp: float
+) -> Wrench:
+    """Returns the wrench on a body.
+
+    Args:
+        host: Provides model and state.
+        name: The name of the body.
+        point: Application point of the force in the body frame [m].
+        force: Force in the body frame [N].
+        torque: Torque in the body frame [N·m].
+        steps: First step with the wrench, and first step without it.
+        duration: Duration [s].
+        ramp: Duration of the ramp [s].
+
+    Raises:
+        RequestError: The body is unknown or cannot move, or the torque is not finite.
+    """
+    model, data = host.model, host.data
+    body = host.body_id(name)
+    if not _movable(model, body):
+        fixed = "is fixed to the world" if model.body_weldid[body] == 0 else "follows a mocap pose"
+        raise RequestError(f"body {name!r} {'is the world' if body == 0 else fixed}, so a wrench cannot move it")
     torque_com = _moment(torque, point, float_view(model.body_ipos[body]), force)
     if not all(map(math.isfinite, torque_com)):
         raise RequestError("force and application_point are too large: their torque is not finite")
@@ -102,10 +124,10 @@ def parse(host: Host, message: ExternalWrenchMsg) -> Wrench:
         point=point,
         force=force,
         torque=torque,
-        start=host.step,
-        end=host.step + max(1, host.steps_covering(duration)),
-        duration=duration / 1e9,
-        ramp=ramp / 1e9,
+        start=steps[0],
+        end=steps[1],
+        duration=duration,
+        ramp=ramp,
         torque_com=torque_com,
         xmat=float_view(data.xmat[body]),
         xfrc_applied=float_view(data.xfrc_applied[body]),

@@ -1,6 +1,6 @@
 """Moves joints by commands: JointState messages, number arrays for groups of joints, and trajectories."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -80,6 +80,47 @@ class JointCommands(Plugin[JointCommandsParameters]):
         self._joints.stop_all()
         self._host.deactivate()
         self._hold()
+
+    def save(self) -> dict[str, Any]:
+        """Returns PIDs, trajectories, the last positions and the commands that expire."""
+        step, joints = self._host.step, self._joints
+        banks = {
+            f"bank{number}_{name}": array
+            for number, bank in enumerate(joints.banks)
+            for name, array in bank.save().items()
+        }
+        return {
+            **banks,
+            **self._trajectories.save(),
+            "desired": {name: drive.desired for name, drive in joints.drives.items()},
+            "expiries": [
+                (drive.joint.name, interface, until - step) for (drive, interface), until in self._expiries.items()
+            ],
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets what `save` has returned; the controls are part of the state of the simulation."""
+        step, joints = self._host.step, self._joints
+        banks = [
+            {name: saved.get(f"bank{number}_{name}") for name in bank.save()}
+            for number, bank in enumerate(joints.banks)
+        ]
+        if not all(bank.fits(own) for bank, own in zip(joints.banks, banks, strict=True)):
+            raise RequestError("the PIDs are different now")
+        tracks = self._trajectories.restored(saved)
+        desired = {
+            joints.find(name): None if value is None else float(value) for name, value in saved["desired"].items()
+        }
+        expiries = {(joints.find(name), interface): step + int(left) for name, interface, left in saved["expiries"]}
+        if not all(interface in drive.outputs for drive, interface in expiries):
+            raise RequestError("a joint accepts other commands now")
+        for bank, own in zip(joints.banks, banks, strict=True):
+            bank.restore(own)
+        for drive, value in desired.items():
+            drive.desired = value
+        self._trajectories.resume(tracks)
+        self._expiries = expiries
+        self._next_expiry = min(expiries.values(), default=0)
 
     def cleanup(self) -> None:
         """Logs how many messages were refused, if more than the one that was reported."""

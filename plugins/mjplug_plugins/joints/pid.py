@@ -1,7 +1,8 @@
 """PID controllers that are computed together before every step, with the control law of control_toolbox."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,28 @@ class PidBank:
         """Stops all PIDs."""
         self._active = [False] * len(self._active)
         self.count, self._changed = 0, True
+
+    def save(self) -> dict[str, NDArray[Any]]:
+        """Returns all that later outputs depend on, except the gains."""
+        return {
+            "setpoint": self.setpoint,
+            "integral": self._integral,
+            "last": self._last,
+            "active": np.array(self._active, bool),
+        }
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets what `save` has returned."""
+        self.setpoint[:], self._integral[:], self._last[:] = saved["setpoint"], saved["integral"], saved["last"]
+        self._active = saved["active"].tolist()
+        self.count, self._changed = sum(self._active), True
+
+    def fits(self, saved: Mapping[str, Any]) -> bool:
+        """Returns whether `restore` accepts a state."""
+        return all(
+            isinstance(array := saved.get(name), np.ndarray) and (array.shape, array.dtype) == (own.shape, own.dtype)
+            for name, own in self.save().items()
+        )
 
     def runs(self, pid: int) -> bool:
         """Returns whether a PID is running."""

@@ -46,6 +46,8 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
     included, during the step that ended at the stamp, because the next effort depends on commands not yet received.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: JointStatePublisherParameters) -> None:
         """Prepares the message and starts the timer."""
         self._host = host

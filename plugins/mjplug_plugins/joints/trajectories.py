@@ -1,5 +1,9 @@
 """The running trajectories and the joints that each of them moves."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,18 +11,19 @@ from mjplug.plugin import Host, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.outputs import Drive
+from mjplug_plugins.joints.saved_motion import motion_arrays, motion_of
 from mjplug_plugins.joints.trajectory import Motion, validate
 from mjplug_schemas.trajectory_msgs import JointTrajectory
 
 Array = NDArray[np.float64]
 
 
-class _Track:
+@dataclass(frozen=True, slots=True)
+class Track:
     """A motion, and the joints that it moves with their indices in the motion."""
 
-    def __init__(self, motion: Motion, drives: list[Drive]) -> None:
-        self.motion = motion
-        self.drives: dict[Drive, int] = {drive: index for index, drive in enumerate(drives)}
+    motion: Motion
+    drives: dict[Drive, int]
 
 
 class Trajectories:
@@ -35,7 +40,7 @@ class Trajectories:
 
     def __init__(self, host: Host, joints: JointDrives, from_desired: bool) -> None:
         self._host, self._joints, self._from_desired = host, joints, from_desired
-        self._tracks: list[_Track] = []
+        self._tracks: list[Track] = []
         self.running = False
 
     @property
@@ -64,7 +69,7 @@ class Trajectories:
         motion = Motion(trajectory, now, position, velocity)
         for drive in drives:
             self.drop(drive)
-        self._tracks.append(_Track(motion, drives))
+        self._tracks.append(Track(motion, {drive: index for index, drive in enumerate(drives)}))
         self.running = True
 
     def drop(self, drive: Drive) -> None:
@@ -78,6 +83,38 @@ class Trajectories:
         """Stops all trajectories."""
         self._tracks.clear()
         self.running = False
+
+    def save(self) -> dict[str, Any]:
+        """Returns the running motions as data."""
+        now = self._host.time_ns
+        saved: dict[str, Any] = {"tracks": []}
+        for number, track in enumerate(self._tracks):
+            saved["tracks"].append({drive.joint.name: index for drive, index in track.drives.items()})
+            saved |= {f"track{number}_{name}": array for name, array in motion_arrays(track.motion, now).items()}
+        return saved
+
+    def restored(self, saved: Mapping[str, Any]) -> list[Track]:
+        """Returns the motions in what `save` has returned.
+
+        Raises:
+            RequestError: The data are invalid.
+        """
+        tracks = []
+        for number, indices in enumerate(saved["tracks"]):
+            begin = f"track{number}_"
+            arrays = {name.removeprefix(begin): array for name, array in saved.items() if name.startswith(begin)}
+            motion = motion_of(arrays, self._host.time_ns)
+            drives = {self._joints.find(name): int(index) for name, index in indices.items()}
+            width = len(motion.points[0].positions)
+            if not all("position" in drive.outputs and 0 <= index < width for drive, index in drives.items()):
+                raise RequestError("a trajectory moves other joints")
+            tracks.append(Track(motion, drives))
+        return tracks
+
+    def resume(self, tracks: list[Track]) -> None:
+        """Replaces the running motions."""
+        self._tracks = tracks
+        self.running = bool(tracks)
 
     def update(self) -> None:
         """Commands the positions of the current time."""

@@ -36,13 +36,38 @@ class Motion:
     def __init__(self, trajectory: JointTrajectory, now: int, position: Array, velocity: Array) -> None:
         begin = _ns(trajectory.header.stamp) or now
         points = [JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist()), *trajectory.points]
-        self._times = [now, *(begin + _ns(point.time_from_start) for point in trajectory.points)]
+        self._begin([now, *(begin + _ns(point.time_from_start) for point in trajectory.points)], points)
+
+    def _begin(self, times: list[int], points: list[JointTrajectoryPoint]) -> None:
+        self._times = times
         self._points = points
         self._segment = 0
-        self._coefficients = np.empty((0, len(position)))
+        self._coefficients = np.empty((0, len(points[0].positions)))
         self._powers = np.ones(1)
         self._each_power = float_view(self._powers)
         self.end = self._times[-1]
+
+    @classmethod
+    def resumed(cls, times: Sequence[int], points: Sequence[JointTrajectoryPoint]) -> "Motion":
+        """Returns a motion through points, the first of which is the start.
+
+        Args:
+            times: The time of each point [ns].
+            points: The points.
+        """
+        motion = cls.__new__(cls)
+        motion._begin(list(times), list(points))
+        return motion
+
+    @property
+    def times(self) -> Sequence[int]:
+        """The time of each point [ns]."""
+        return self._times
+
+    @property
+    def points(self) -> Sequence[JointTrajectoryPoint]:
+        """The points, the first of which is the start."""
+        return self._points
 
     def at(self, time: int) -> Array:
         """Returns the positions at a time, shape (n,) [rad or m].

@@ -34,6 +34,8 @@ class Lidar(Plugin[PluginParameters]):
     process casts the rays, and only for lidars whose topic has subscribers. A message shows the state at its stamp.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: PluginParameters) -> None:
         """Finds the lidars, creates the worker process and starts the timers."""
         self._durations: dict[str, float] = {}

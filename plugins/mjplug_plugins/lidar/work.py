@@ -99,7 +99,7 @@ class _Lidar:
     def _add_noise(self, job: Job) -> None:
         """Adds noise and dropouts; they depend on the seed and the time only, not on earlier scans."""
         settings, distances = self._settings, self._distances
-        rng = np.random.default_rng([*settings.seed, job.time_ns, job.epoch])
+        rng = np.random.default_rng([*settings.seed, job.time_ns, job.lineage])
         if settings.noise_std:
             measured = ~(self._no_return | self._too_close)
             noisy = distances + settings.noise_std * rng.standard_normal(len(distances))

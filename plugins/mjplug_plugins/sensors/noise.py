@@ -47,15 +47,15 @@ class Noise:
             for (role, source), share in zip(sensor.parts.items(), shares, strict=True)
         ]
 
-    def draw(self, time_ns: int, epoch: int) -> None:
+    def draw(self, time_ns: int, lineage: int) -> None:
         """Computes `values` from the current exact values.
 
         Args:
             time_ns: Time of the values [ns].
-            epoch: Number of resets before this time.
+            lineage: Number of resets in the past of the state.
         """
         # Setting the counter takes a few microseconds; a new generator would take a hundred.
-        self._start["state"]["counter"][:] = (0, 0, time_ns, epoch)
+        self._start["state"]["counter"][:] = (0, 0, time_ns, lineage)
         self._bits.state = self._start
         self._random.standard_normal(out=self._noise)
         np.multiply(self._noise, self._deviations, self._noise)

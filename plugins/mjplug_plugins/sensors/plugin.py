@@ -23,6 +23,8 @@ class Sensors(Plugin[SensorsParameters]):
     at its stamp, which is the beginning of the last step.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: SensorsParameters) -> None:
         """Finds the sensors, prepares their messages and starts the timers."""
         sensors = chosen(host, parameters)
@@ -78,7 +80,7 @@ class _Reading:
         """Publishes the current sensor values."""
         time_ns = self._host.sensor_time_ns
         if self._noise is not None:
-            self._noise.draw(time_ns, self._host.epoch)
+            self._noise.draw(time_ns, self._host.lineage)
         for write in self._writers:
             write()
         if self._stamped:

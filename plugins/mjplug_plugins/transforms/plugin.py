@@ -22,6 +22,8 @@ class Transforms(Plugin[TransformsParameters]):
     The parent of a body's frame is the frame of its parent body. All transforms of a message belong to its stamp.
     """
 
+    stateless = True
+
     def init(self, host: Host, parameters: TransformsParameters) -> None:
         """Finds the frames, publishes the fixed ones, and starts the timer for the others."""
         self._host = host
