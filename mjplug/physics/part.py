@@ -56,5 +56,13 @@ class Part(Protocol):
     def check(self, saved: SavedPart) -> str:
         """Returns why a state cannot be restored, as far as this is known before; empty if it probably can be."""
 
-    def restore(self, saved: SavedPart) -> str:
-        """Restores a state that `check` has accepted; returns why it could not be restored, or an empty text."""
+    def restore(self, saved: SavedPart, trial: bool = False) -> str:
+        """Restores a state that `check` has accepted.
+
+        Args:
+            saved: The state.
+            trial: Whether this is only to find out if it can be restored; the present state may be restored then.
+
+        Returns:
+            Why it could not be restored, or an empty text.
+        """

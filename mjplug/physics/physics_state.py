@@ -144,6 +144,32 @@ def _set(model: mujoco.MjModel, data: mujoco.MjData, state: PhysicsState) -> Non
     mujoco.mj_setState(model, data, state.vector, _STATE)
     if state.asleep.size:
         data.tree_asleep[:] = state.asleep
+        _derive_awake(model, data)
+
+
+def _derive_awake(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Sets what MuJoCo derives from `tree_asleep`; its function for it (mj_updateSleep) is not in its API.
+
+    The next step compares the two, and would wake all bodies.
+    """
+    static, asleep, awake = (
+        int(getattr(mujoco.mjtSleepState, name)) for name in ("mjS_STATIC", "mjS_ASLEEP", "mjS_AWAKE")
+    )
+    tree_awake = data.tree_asleep < 0
+    data.tree_awake[:] = tree_awake
+    data.ntree_awake = int(tree_awake.sum())
+    moving, mocap = model.body_treeid >= 0, model.body_mocapid[model.body_rootid] >= 0
+    body_awake = np.where(mocap, awake, static)
+    body_awake[moving] = np.where(tree_awake[model.body_treeid[moving]], awake, asleep)
+    data.body_awake[:] = body_awake
+    bodies = np.flatnonzero(body_awake != asleep)
+    # The world has no parent.
+    children = 1 + np.flatnonzero(body_awake[model.body_parentid[1:]] != asleep)
+    dofs = np.flatnonzero(moving[model.dof_bodyid] & (body_awake[model.dof_bodyid] == awake))
+    data.nbody_awake, data.nparent_awake, data.nv_awake = len(bodies), len(children), len(dofs)
+    data.body_awake_ind[: len(bodies)] = bodies
+    data.parent_awake_ind[: len(children)] = children
+    data.dof_awake_ind[: len(dofs)] = dofs
 
 
 def _check_asleep(model: mujoco.MjModel, asleep: NDArray[np.int32]) -> None:

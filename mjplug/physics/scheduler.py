@@ -131,6 +131,44 @@ class Timer:
         self.cancelled = True
 
 
+class Alarm:
+    """Calls a function once at a step number, before the updates of that step; `set` it again for the next call.
+
+    Neither a reset nor a restored state changes it; its owner sets or stops it then.
+
+    Attributes:
+        callback: The function.
+        due: The step number; `NEVER` while the alarm is off.
+        fire: Calls the function if the alarm is due at the given step.
+
+    Args:
+        callback: The function.
+        changed: Called when `due` was set.
+    """
+
+    def __init__(self, callback: Callable[[], None], changed: Callable[["Alarm"], None]) -> None:
+        self.callback = callback
+        self.due = NEVER
+        self.fire = self._fire
+        self._changed = changed
+
+    def set(self, step: int) -> None:
+        """Calls the function at `step`, or soon if it is past, instead of at the step that was set before."""
+        if step != self.due:
+            self.due = step
+            self._changed(self)
+
+    def stop(self) -> None:
+        """Turns the alarm off."""
+        self.due = NEVER
+
+    def _fire(self, step: int) -> None:
+        # It may have been set to a later step since it was scheduled for this one.
+        if self.due <= step:
+            self.due = NEVER
+            self.callback()
+
+
 class WaitingCall:
     """A service call that waits in the scheduler for a step or an event.
 
@@ -212,6 +250,7 @@ class Scheduler:
         self._heap: list[tuple[int, int, Callable[[int], None]]] = []
         self._order = itertools.count()
         self._timers: dict[Timer, int] = {}
+        self._alarms: dict[Alarm, int] = {}
         self._calls: dict[WaitingCall, None] = {}
 
     @property
@@ -241,6 +280,12 @@ class Scheduler:
         self._timers[timer] = order
         self._push_timer(order, timer)
         return timer
+
+    def alarm(self, callback: Callable[[], None]) -> Alarm:
+        """Returns a new alarm, which is off."""
+        alarm = Alarm(callback, self._push_alarm)
+        self._alarms[alarm] = next(self._order)
+        return alarm
 
     def wake(self, timer: Timer, step: int) -> None:
         """Resumes a sleeping timer after `step`, in its old phase; does nothing if the timer does not sleep."""
@@ -274,11 +319,11 @@ class Scheduler:
             call.close(reason)
 
     def rephase(self, step: int) -> None:
-        """Restarts the phase of every timer at `step`, and removes everything else that was due."""
+        """Restarts the phase of every timer at `step`, and removes waiting requests that were due; alarms stay."""
         self.restore(step, {})
 
     def restore(self, step: int, phases: Mapping[Timer, tuple[int, bool]]) -> None:
-        """Continues earlier phases of timers at `step`, and removes everything else that was due.
+        """Continues earlier phases of timers at `step`, and removes waiting requests that were due; alarms stay.
 
         Args:
             step: The present step number.
@@ -290,6 +335,8 @@ class Scheduler:
         for timer, order in self._timers.items():
             timer.resume(*phases.get(timer, (step, False)), step)
             self._push_timer(order, timer)
+        for alarm in self._alarms:
+            self._push_alarm(alarm)
 
     def _push(self, due: int, order: int, run: Callable[[int], None]) -> None:
         heapq.heappush(self._heap, (due, order, run))
@@ -307,6 +354,12 @@ class Scheduler:
                 timer.callback()
 
         self._push(timer.due, order, fire)
+
+    def _push_alarm(self, alarm: Alarm) -> None:
+        if alarm.due == NEVER:
+            return
+        # Always the same function, because equal entries of the heap are compared by it.
+        self._push(alarm.due, self._alarms[alarm], alarm.fire)
 
     def _resume(self, call: WaitingCall) -> None:
         for _ in range(MAX_PAST_WAITS):

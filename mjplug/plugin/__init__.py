@@ -5,7 +5,7 @@ from mjplug.contracts.diagnostics import Diagnosis, Level
 from mjplug.contracts.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
 from mjplug.contracts.work import Job, Priority, UnavailableError, Work, Worker, worker_diagnosis
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
-from mjplug.physics.scheduler import Event, Slow, Timer
+from mjplug.physics.scheduler import Alarm, Event, Slow, Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.host import Host
 from mjplug.plugin.parameters import NestedParameters, OneOrMore, Parameters
@@ -16,6 +16,7 @@ __all__ = [
     "DEFAULT",
     "LATCHED",
     "LATEST",
+    "Alarm",
     "Call",
     "CdrFrame",
     "Diagnosis",

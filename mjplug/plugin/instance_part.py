@@ -127,17 +127,21 @@ class InstancePart:
             return f"its saved state is invalid: {error!r}"
         return ""
 
-    def restore(self, saved: SavedPart) -> str:
+    def restore(self, saved: SavedPart, trial: bool = False) -> str:
         """Restores a state that `check` has accepted; returns why it could not be restored, or an empty text."""
         values = saved.values
+        plugin = self._plugin
+        if trial and plugin is not None and plugin.stateless:
+            # It would be reset, and cannot be set back.
+            plugin = None
         try:
             for name, group in self._saved_groups(values):
                 changed = group.checked(name, values["parameters"][name])
                 if changed != group.current:
                     group.apply(changed)
-            if self._plugin is not None:
+            if plugin is not None:
                 arrays = {name: array.copy() for name, array in saved.arrays.items()}
-                self._plugin.restore({**json.loads(values["saved"]), **arrays})
+                plugin.restore({**json.loads(values["saved"]), **arrays})
         except RequestError as error:
             return str(error)
         except BaseException as error:

@@ -10,7 +10,7 @@ from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
 from mjplug.log_scope import logger_of_server
 from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
-from mjplug.physics.scheduler import Slow, Timer
+from mjplug.physics.scheduler import Alarm, Slow, Timer
 from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard
 from mjplug.plugin.stopwatch import Stopwatch
@@ -222,6 +222,17 @@ class NodeView(WorldView):
         for publisher in publishers:
             self._timers_by_publisher[publisher].append(timer)
         return timer
+
+    def create_alarm(self, callback: Callable[[], None]) -> Alarm:
+        """Calls a function once at a step, before the updates of that step: `alarm.set(host.step + 10)`.
+
+        The alarm is off until it is set. Neither a reset nor a restored state changes it; call `set` or `stop` in
+        `on_reset` and `restore`.
+
+        Args:
+            callback: Called on the physics thread.
+        """
+        return self._loop.scheduler.alarm(self._guard.guarded(callback))
 
     def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
         """Calls a function periodically in wall time, paused or not, at any speed.

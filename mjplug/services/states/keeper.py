@@ -157,7 +157,7 @@ class Keeper:
         for name, part in self._parts().items():
             if name in skipped or name not in header.parts:
                 continue
-            if reason := part.restore(state.part(name)):
+            if reason := part.restore(state.part(name), trial=not reset):
                 problems[name] = reason
             elif part.stepper is not None:
                 restored.append(part.stepper)

@@ -49,7 +49,8 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._parameters = parameters
         self._active = ActiveWrenches(host.model, host.data)
         self._shown: dict[Wrench, int] = {}
-        self._next_markers = self._next_event = 0
+        self._next_markers = 0
+        self._alarm = host.create_alarm(self._end_past)
         self._timestep = float(host.model.opt.timestep)
         self._markers = host.create_publisher(MarkerArray, "~/wrench_markers")
         host.create_service(ApplyExternalWrench, "~/apply_wrench", self._apply)
@@ -59,16 +60,14 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         """Adds the active wrenches to `xfrc_applied`, with the poses of this step."""
         self._kinematics()
         step, active = self._host.step, self._active
-        if step >= self._next_event:
-            self._end_past()
-            if step >= self._next_markers:
-                self._show()
         if active.looped:
             timestep = self._timestep
             for wrench in active.looped:
                 wrench.apply((step - wrench.start) * timestep)
-        elif active:
+        else:
             active.apply(step)
+        if step >= self._next_markers:
+            self._show()
 
     def on_reset(self) -> None:
         """Ends all wrenches."""
@@ -88,7 +87,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._active.replace(wrenches, next_id)
         self._shown = {wrench: wrenches[wrench] for wrench in shown}
         self._next_markers = next_markers
-        self._plan()
+        self._alarm.set(self._active.next_end)
 
     def _apply(self, request: ApplyExternalWrench.Request, call: Call) -> Slow:
         messages = request.wrenches.external_wrenches
@@ -112,10 +111,8 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
                 ApplyExternalWrench.Response(success=True, message=f"applying {count}, the longest for {longest:g} s")
             )
         self._start(wrenches)
-        # The wrenches end in `update` too, because after a saved state was restored no request waits for them.
-        for end in sorted({wrench.end for wrench in wrenches}):
-            yield end
-            self._end_past()
+        # The alarm ends the wrenches. It was created before this request, so it fires first.
+        yield max(wrench.end for wrench in wrenches)
         return ApplyExternalWrench.Response(success=True, message=f"applied {count}, the longest for {longest:g} s")
 
     def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
@@ -127,25 +124,20 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
     def _start(self, wrenches: list[Wrench]) -> None:
         self._active.add(wrenches)
         self._next_markers = self._host.step
-        self._plan()
+        self._alarm.set(self._active.next_end)
         self._host.activate()
 
     def _diagnose(self) -> Diagnosis:
         active = len(self._active)
         return Diagnosis(message=f"{active} active" if active else "ok", values={"active wrenches": active})
 
-    def _plan(self) -> None:
-        """Sets the step at which `update` has more to do than to apply wrenches."""
-        self._next_event = min(self._next_markers, self._active.next_end)
-
     def _end_past(self) -> None:
         """Ends the wrenches whose time is over."""
-        if self._host.step >= self._active.next_end:
-            self._end(self._active.ended(self._host.step))
+        self._end(self._active.ended(self._host.step))
 
     def _end(self, wrenches: Sequence[Wrench]) -> None:
         self._active.remove(wrenches)
-        self._plan()
+        self._alarm.set(self._active.next_end)
         ended = [(wrench, self._shown.pop(wrench)) for wrench in wrenches if wrench in self._shown]
         if ended and self._markers.matched:
             self._markers.publish(
@@ -163,7 +155,6 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
     def _show(self) -> None:
         step = self._host.step
         self._next_markers = step + math.ceil(1.0 / (MARKER_RATE * self._timestep))
-        self._plan()
         if not self._markers.matched:
             return
         self._shown = dict(islice(self._active, MAX_SHOWN))
