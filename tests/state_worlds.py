@@ -68,10 +68,13 @@ def scene(sleep=False, mass=3):
     return SCENE.format(flags='<flag sleep="enable"/>' if sleep else "", mass=mass)
 
 
+LIMITS = states.Limits()
+
+
 class StateWorld(World):
     """A world with the services for saved states, and all bundled plugins that need no renderer."""
 
-    def __init__(self, folder=None, model=None, seed=7, limits=states.Limits(), plugins=True, **options):
+    def __init__(self, folder=None, model=None, seed=7, limits=LIMITS, plugins=True, **options):
         super().__init__(compiled(scene()) if model is None else model, paused=True, **options)
         host = self.host("mjplug", seed=seed)
         self.close = states.offer(host, self.loop, seed, "1.2.3", limits, folder)
@@ -85,7 +88,7 @@ class StateWorld(World):
                 pid_gains={"position": {"elbow": pid, "rail": {"p": 3.0, "i": 1.0}}},
                 command_timeout=0.7,
             )
-            self.add(BaseVelocity, "drive", body="base")
+            self.drive = self.add(BaseVelocity, "drive", body="base")
             self.add(Sensors, "sensors", rate=130.0, noise=True)
             self.add(JointStatePublisher, "state", topic="~/joint_states", rate=90.0)
             self.add(FreeJointStatePublisher, "free", publish_rate=60.0)
@@ -107,7 +110,7 @@ class StateWorld(World):
             )
 
     def prepare(self, steps=151):
-        """Sets everything in motion: PIDs wind up, a trajectory, a wrench mid-ramp, a driven base, bodies in contact."""
+        """Sets everything in motion: PIDs, a trajectory, a wrench in its ramp, a driven base, bodies in contact."""
         self.publish(
             "/joints/joint_trajectory",
             JointTrajectory(
@@ -183,7 +186,7 @@ def _seconds(seconds):
 
 
 def main(what, folder, steps):
-    """Runs as a process: `save` saves a state, prints what follows it, and runs on; `restore` prints what follows it."""
+    """Runs as a process: `save` saves a state, prints what follows, and runs on; `restore` prints what follows it."""
     world = StateWorld(Path(folder))
     if what == "save":
         world.prepare()

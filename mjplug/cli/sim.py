@@ -12,7 +12,14 @@ from mjplug.cli.output import say, say_json, say_table
 if TYPE_CHECKING:
     from mjplug.client import Client, ServerInfo
 
-app = typer.Typer(name="sim", help="Pauses, steps and resets the simulation, and sets its speed.", no_args_is_help=True)
+app = typer.Typer(
+    name="sim", help="Pauses, steps and resets the simulation, sets its speed, saves its state.", no_args_is_help=True
+)
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the state: letters, digits and underscores.")]
+InFile = Annotated[
+    bool, typer.Option("--file", "-f", help="In a file on the machine of the server, instead of its memory.")
+]
 
 _MEASURE = 0.5
 """Wall time over which the speed is measured [s]."""
@@ -134,6 +141,74 @@ def speed(
             raise typer.BadParameter(f"{factor!r} is neither a number nor max", param_hint="FACTOR") from None
         set_one(client, server, "sim.speed", wanted)
     say(_number(read(client.session, server).get("sim.speed")))
+
+
+@app.command()
+@connected
+def save(
+    client: "Client",
+    name: Name,
+    file: InFile = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a state of the same name.")] = False,
+) -> None:
+    """Saves the state of the simulation with its plugins."""
+    say(client.call("~/save_state", name=name, file=file, overwrite=overwrite).message)
+
+
+@app.command()
+@connected
+def restore(
+    client: "Client",
+    name: Name,
+    file: InFile = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse if the state of a plugin cannot be restored.")
+    ] = False,
+    keep_time: Annotated[bool, typer.Option("--keep-time", help="Let simulated time continue.")] = False,
+) -> None:
+    """Restores a saved state; by default, simulated time is that of the state."""
+    say(client.call("~/restore_state", name=name, file=file, strict=strict, keep_time=keep_time).message)
+
+
+@app.command()
+@connected
+def states(
+    client: "Client",
+    output: Annotated[Literal["text", "json"], typer.Option("--output", "-o", help="Output format.")] = "text",
+) -> None:
+    """Lists the saved states."""
+    answer = client.call("~/list_states")
+    found = [
+        {
+            "name": one.name,
+            "where": "file" if one.file else "memory",
+            "step": one.step,
+            "time": _seconds(one.stamp),
+            "size": one.size,
+            "digest": one.digest,
+            "left_out": list(one.left_out),
+        }
+        for one in answer.snapshots
+    ]
+    if output == "json":
+        say_json(found)
+        return
+    if found:
+        heads = ("name", "where", "step", "time", "size", "digest")
+        rows = [
+            (one["name"], one["where"], one["step"], f"{one['time']:.3f} s", one["size"], one["digest"][:12])
+            for one in found
+        ]
+        say_table([heads, *rows])
+    if not found or answer.message.startswith("invalid"):
+        say(answer.message)
+
+
+@app.command("delete-state")
+@connected
+def delete_state(client: "Client", name: Name, file: InFile = False) -> None:
+    """Deletes a saved state."""
+    say(client.call("~/delete_state", name=name, file=file).message)
 
 
 def _clock(client: "Client", server: "ServerInfo", span: float) -> tuple[float, float]:

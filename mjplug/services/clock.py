@@ -1,4 +1,4 @@
-"""Publishes `/clock` and `~/epoch`, the number of resets."""
+"""Publishes `/clock` and `~/epoch`, the number of resets and restored states."""
 
 from mjplug.physics.loop import Loop
 from mjplug.plugin import CLOCK, LATCHED, Host
@@ -9,9 +9,9 @@ from mjplug_schemas.std_msgs import UInt64
 def offer(host: Host, loop: Loop, rate: float) -> None:
     """Publishes simulated time on `/clock` at `rate` [Hz of simulated time].
 
-    `/clock` is also published when the first subscriber appears, after every step request, after every reset, and once
-    a second of wall time while paused, so that late subscribers get the time. `~/epoch` is latched and contains the
-    number of resets since the server started.
+    `/clock` is also published when the first subscriber appears, after every step request, after every reset and every
+    restored state, and once a second of wall time while paused, so that late subscribers get the time. `~/epoch` is
+    latched and contains the number of resets and restored states since the server started.
     """
 
     def tick() -> None:

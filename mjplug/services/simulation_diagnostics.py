@@ -53,7 +53,8 @@ class SimulationDiagnostics:
     def diagnose(self) -> Diagnosis:
         """Returns the status of the last period."""
         loop, timing = self._loop, self._timing
-        seconds, steps = self._to.at - self._from.at, self._to.step - self._from.step
+        # The step number goes back when an earlier state is restored.
+        seconds, steps = self._to.at - self._from.at, max(0, self._to.step - self._from.step)
         rate = steps / seconds if seconds > 0 else 0.0
         factor = rate * float(loop.simulation.time.timestep)
         level, message = self._verdict(factor)

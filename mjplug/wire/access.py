@@ -20,6 +20,8 @@ from mjplug_schemas import names
 
 READ_ONLY: Final = frozenset(
     {
+        "mjplug_msgs/srv/GetStateDigest",
+        "mjplug_msgs/srv/ListStates",
         "rcl_interfaces/srv/DescribeParameters",
         "rcl_interfaces/srv/GetParameterTypes",
         "rcl_interfaces/srv/GetParameters",

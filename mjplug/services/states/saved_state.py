@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mjplug.errors import RequestError
+from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.physics.part import SavedPart
 from mjplug.physics.physics_state import PhysicsState
 from mjplug_schemas.builtin_interfaces import Time
@@ -76,7 +77,7 @@ class Header(_Section):
     model: str
     seed: Whole
     step: Whole
-    time_ns: Whole
+    time_ns: Annotated[int, Field(ge=0, le=MAX_SIMULATED_TIME * 1_000_000_000)]
     epoch: Whole
     lineage: Whole
     steps_since_reset: Annotated[int, Field(ge=0, le=10)]
