@@ -152,7 +152,7 @@ def save(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a state of the same name.")] = False,
 ) -> None:
     """Saves the state of the simulation with its plugins."""
-    say(client.call("~/save_state", name=name, file=file, overwrite=overwrite).message)
+    say(client.call("~/save_state", {"name": name, "file": file, "overwrite": overwrite}).message)
 
 
 @app.command()
@@ -167,7 +167,8 @@ def restore(
     keep_time: Annotated[bool, typer.Option("--keep-time", help="Let simulated time continue.")] = False,
 ) -> None:
     """Restores a saved state; by default, simulated time is that of the state."""
-    say(client.call("~/restore_state", name=name, file=file, strict=strict, keep_time=keep_time).message)
+    request = {"name": name, "file": file, "strict": strict, "keep_time": keep_time}
+    say(client.call("~/restore_state", request).message)
 
 
 @app.command()
@@ -208,7 +209,7 @@ def states(
 @connected
 def delete_state(client: "Client", name: Name, file: InFile = False) -> None:
     """Deletes a saved state."""
-    say(client.call("~/delete_state", name=name, file=file).message)
+    say(client.call("~/delete_state", {"name": name, "file": file}).message)
 
 
 def _clock(client: "Client", server: "ServerInfo", span: float) -> tuple[float, float]:
