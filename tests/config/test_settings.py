@@ -36,6 +36,7 @@ def test_defaults_are_those_of_the_documentation():
             "max_payload_bytes": MAX_PAYLOAD,
             "max_json_bytes": MAX_JSON,
         },
+        "snapshots": {"max_states": 64, "max_bytes": 256 << 20, "folder": ""},
         "ros2": {"enabled": True, "domain_id": 0, "distro": "jazzy"},
         "plugins": {},
         "ros_params": (),
@@ -130,7 +131,7 @@ def test_a_plugin_entry_keeps_its_parameters_apart_from_its_type():
 def test_every_field_says_what_it_is():
     schema = Settings.model_json_schema()
     models = [schema, *schema["$defs"].values()]
-    assert len(models) == 5
+    assert len(models) == 6
     for model in models:
         for name, field in model["properties"].items():
             described = schema["$defs"][field["$ref"].rpartition("/")[2]] if "$ref" in field else field

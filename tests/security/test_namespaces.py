@@ -142,6 +142,7 @@ READ_ONLY = {
     f"/mjplug/{name}"
     for name in (
         "describe_parameters", "get_parameters", "get_parameter_types", "list_parameters", "get_diagnostics",
+        "list_states", "get_state_digest",
     )
 }  # fmt: skip
 
