@@ -185,6 +185,16 @@ def test_a_model_alone_is_a_configuration(here):
     )
 
 
+def test_the_folder_of_saved_states_is_relative_to_the_file_that_names_it_and_need_not_exist(here):
+    folder = here / "sub"
+    folder.mkdir()
+    (folder / "c.yaml").write_text("model: a.xml\nsnapshots: {folder: states}\n")
+    assert load("sub/c.yaml", environ={}).states_folder == folder / "states"
+    assert load("sub/c.yaml", sets=["snapshots.folder=states"], environ={}).states_folder == here / "states"
+    assert load("sub/c.yaml", sets=["snapshots.folder=/tmp/s"], environ={}).states_folder == Path("/tmp/s")
+    assert load("bundled:box", environ={}).states_folder is None
+
+
 def test_relative_names_count_from_where_they_are_written(here):
     folder = here / "sub"
     folder.mkdir()
