@@ -7,12 +7,12 @@ from pathlib import Path
 import left_over
 import pytest
 import warm_python
-from machine import BYTECODE
+from machine import BYTECODE, CACHE
 
 # Compiled modules are kept, whatever the machine's settings say, and NumPy starts no threads: both before NumPy and
 # MuJoCo are imported here, and in every program that a test starts.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ.update(PYTHONPYCACHEPREFIX=BYTECODE, OPENBLAS_NUM_THREADS="1")
+os.environ.update(PYTHONPYCACHEPREFIX=BYTECODE, XDG_CACHE_HOME=CACHE, OPENBLAS_NUM_THREADS="1")
 sys.dont_write_bytecode, sys.pycache_prefix = False, BYTECODE
 warm_python.enabled = True
 left_over.mark()

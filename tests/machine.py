@@ -13,6 +13,10 @@ BYTECODE = str(Path(tempfile.gettempdir(), f"mjplug-bytecode-{os.getuid()}"))
 """Compiled modules, shared by all processes of all test runs: without them, each start takes twice as long."""
 
 
+CACHE = str(Path(tempfile.gettempdir(), f"mjplug-cache-{os.getuid()}"))
+"""Converted robots, instead of those of the user."""
+
+
 def lacking(reason: str) -> NoReturn:
     """Skips the running test, or fails it if skipping is not allowed."""
     (pytest.fail if os.environ.get("CI") else pytest.skip)(reason)

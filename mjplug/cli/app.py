@@ -10,6 +10,7 @@ import typer
 from mjplug.cli.completion import EPILOG as COMPLETION_EPILOG
 from mjplug.cli.completion import completion, prepare
 from mjplug.cli.config import app as config_app
+from mjplug.cli.convert import convert
 from mjplug.cli.doctor.command import doctor
 from mjplug.cli.examples import examples
 from mjplug.cli.interface import app as interface_app
@@ -58,10 +59,18 @@ app.command(
         "mjplug serve config.yaml",
         "mjplug serve bundled:quadruped --keyframe home --plugin heartbeat --plugin external_wrench",
         "mjplug serve ros_params.yaml --model scene.xml --speed max --duration 10",
+        "mjplug serve ur.urdf.xacro ur_type:=ur5e name:=ur5e --scene tabletop",
         "mjplug serve scene.xml --listen tcp/0.0.0.0:7447      (lets other machines in)",
         "mjplug serve bundled:arm --view      (shows it in a browser)",
     ),
 )(serve)
+app.command(
+    epilog=examples(
+        "mjplug convert robot.urdf -o robot",
+        "mjplug convert ur.urdf.xacro ur_type:=ur5e name:=ur5e -o ur5e",
+        "mjplug convert robot.urdf --scene tabletop --base fixed",
+    )
+)(convert)
 for group in (
     topic_app, service_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app,
 ):  # fmt: skip

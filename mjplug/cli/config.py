@@ -53,10 +53,10 @@ def show(config: Config, model: Model = None, set_: Sets = None) -> None:
     """
     import_mujoco()
     from mjplug.cli.config_effective import effective
-    from mjplug.config.load import read
     from mjplug.plugin.selection import select
+    from mjplug.server.drafts import read_draft
 
-    loaded, plugins = select(read(config, model=model, sets=set_ or []))
+    loaded, plugins = select(read_draft(config, model=model, sets=set_ or []))
     for warning in loaded.warnings:
         complain_of(warning)
     for line in effective(loaded, plugins):
@@ -86,7 +86,7 @@ def init(
     """Writes a configuration file for a model: all settings with descriptions, and plugins that fit the model."""
     import_mujoco()
     from mjplug.cli.config_start import starting_file
-    from mjplug.model.file import load_model
+    from mjplug.convert.load import load_model
     from mjplug.physics import process
 
     process.configure_mujoco()
@@ -98,10 +98,10 @@ def convert(config: Config, model: Model = None, output: Output = None) -> None:
     """Converts a ROS parameter file into a configuration file."""
     import_mujoco()
     from mjplug.cli.config_convert import converted
-    from mjplug.config.load import read
     from mjplug.plugin.selection import select
+    from mjplug.server.drafts import read_draft
 
-    loaded, _ = select(read(config, model=model, environ={}))
+    loaded, _ = select(read_draft(config, model=model, environ={}))
     for warning in loaded.warnings:
         complain_of(warning)
     _write(converted(loaded.settings), output)

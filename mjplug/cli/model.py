@@ -34,8 +34,8 @@ def info(
     """Shows bodies, joints, actuators, sensors, sites, cameras and keyframes of a model."""
     import_mujoco()
     from mjplug.cli.model_tables import TABLES, counts
+    from mjplug.convert.load import load_model
     from mjplug.errors import did_you_mean
-    from mjplug.model.file import load_model
     from mjplug.physics import process
 
     if kind is not None and kind != "counts" and kind not in TABLES:

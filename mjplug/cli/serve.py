@@ -11,6 +11,7 @@ from mjplug.cli.engine import import_mujoco, quick_imports
 from mjplug.cli.interrupt import exit_on_interrupt
 from mjplug.cli.names import complete_keyframe, complete_model, complete_plugin
 from mjplug.cli.output import say
+from mjplug.cli.xacro_arguments import xacro_arguments
 from mjplug.config.problem import ConfigError
 from mjplug.errors import MjplugError
 from mjplug.lifecycle.ending import QuickEnd
@@ -27,10 +28,15 @@ def serve(
         str,
         typer.Argument(
             metavar="CONFIG|MODEL",
-            help="A configuration file, a ROS parameter file (with --model), or a model: .xml .mjb .urdf bundled:NAME package://...",
+            help="A configuration file, a ROS parameter file (with --model), or a model: "
+            ".xml .mjb .urdf .xacro bundled:NAME package://...",
             autocompletion=complete_model,
         ),
     ],
+    arguments: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME:=VALUE]...", help="Arguments of a xacro file.", show_default=False),
+    ] = None,
     model: Annotated[
         str | None, typer.Option(help="The model, instead of the one in the file.", autocompletion=complete_model)
     ] = None,
@@ -71,6 +77,13 @@ def serve(
         list[str] | None,
         typer.Option("--set", "-s", metavar="KEY=VALUE", help="Set any setting, e.g. sim.clock_rate=50. Repeatable."),
     ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Scene for a URDF or xacro file: floor, tabletop, obstacles, none, or an MJCF file.",
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(min=0.0, metavar="SECONDS", help="Stop after this simulated time.")
     ] = None,
@@ -108,9 +121,10 @@ def serve(
     import_mujoco()
     with exit_on_interrupt(), quick_imports():
         from mjplug.cli.exit_codes import exit_code
-        from mjplug.config.load import Option, read
+        from mjplug.config.load import Option
         from mjplug.lifecycle import serve as lifecycle
         from mjplug.lifecycle.view_process import check_view
+        from mjplug.server.drafts import read_draft
         from mjplug.server.prepared import check as check_start
         from mjplug.server.prepared import prepare
 
@@ -118,7 +132,8 @@ def serve(
         raise typer.BadParameter(
             f"it must be at most {MAX_SIMULATED_TIME} s, not {duration:g}", param_hint="--duration"
         )
-    sets = [*_plugins(plugin or []), *(set_ or [])]
+    sets = [*_plugins(plugin or []), *_xacro_options(arguments or []), *(set_ or [])]
+    sets += [Option(f"--scene {scene}", f"model_options.scene={json.dumps(scene)}")] if scene is not None else []
     sets += [Option("--paused", "sim.paused=true")] if paused else []
     # In quotes, so that a name such as `1` or `on` remains text.
     sets += [Option(f"--keyframe {keyframe}", f"sim.keyframe={json.dumps(keyframe)}")] if keyframe is not None else []
@@ -129,7 +144,7 @@ def serve(
     if view is not None:
         check_view()
     with logging_to_stderr(-1 if quiet else verbose):
-        draft = read(config, model=model, sets=sets)
+        draft = read_draft(config, model=model, sets=sets)
         if check:
             with closing(prepare(draft)) as prepared:
                 check_start(prepared)
@@ -159,6 +174,16 @@ def _zenoh_config(file: str) -> "Option":
 
     # Absolute, because a relative path in the configuration is relative to the folder of its file.
     return Option(f"--zenoh-config {file}", f"zenoh.config={json.dumps(str(Path(file).resolve()))}")
+
+
+def _xacro_options(given: list[str]) -> "list[Option]":
+    from mjplug.config.load import Option
+
+    arguments = xacro_arguments(given)
+    return [
+        Option(f"{name}:={value}", f"model_options.arguments.{name}={json.dumps(value)}")
+        for name, value in arguments.items()
+    ]
 
 
 def _plugins(wanted: list[str]) -> "list[str | Option]":

@@ -1,15 +1,17 @@
 """A configuration that was read: its values, their places, and its problems."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from mjplug.config.document import KeyPath
 from mjplug.config.origins import Origins
 from mjplug.config.problem import ConfigError, Problem
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.config.tree import Tree
+from mjplug.convert.options import ConversionOptions
 
 
 class Loaded(Origins):
@@ -57,6 +59,8 @@ class Draft(Origins):
         libraries = self._tree.get(("sim", "plugin_libraries"))
         for i in range(len(libraries) if isinstance(libraries, list) else 0):
             self.problems += self.missing_file(("sim", "plugin_libraries", i))
+        for path in self._option_files():
+            self.problems += self.missing_file(path)
         if self._tree.get(("sim", "start_position_file")):
             self.problems += self.missing_file(("sim", "start_position_file"))
 
@@ -75,6 +79,37 @@ class Draft(Origins):
             for name, entry in entries.items()
             if isinstance(entry, dict) and isinstance(entry.get("type"), str) and entry["type"]
         }
+
+    @property
+    def model_options(self) -> ConversionOptions:
+        """The options of the conversion with absolute file names; the defaults if a setting is invalid."""
+        return ConversionOptions() if self._settings is None else self._absolute(self._settings.model_options)
+
+    def _option_files(self) -> Iterator[KeyPath]:
+        """Yields the paths of the options that name files."""
+        inputs = self._tree.get(("model_options", "mujoco_inputs"))
+        for i in range(len(inputs) if isinstance(inputs, list) else 0):
+            yield "model_options", "mujoco_inputs", i
+        if self._tree.get(("model_options", "srdf")):
+            yield "model_options", "srdf"
+
+    def _absolute(self, options: ConversionOptions) -> ConversionOptions:
+        section = "model_options"
+        files = {path: str(file) for path in self._option_files() if (file := self.path(path)) is not None}
+        changes: dict[str, object] = {}
+        if (section, "srdf") in files:
+            changes["srdf"] = files[section, "srdf"]
+        if options.mujoco_inputs:
+            names = enumerate(options.mujoco_inputs)
+            changes["mujoco_inputs"] = tuple(files.get((section, "mujoco_inputs", i), name) for i, name in names)
+        # Other values are names of the library.
+        if (scene := self.path((section, "scene"))) is not None:
+            changes["scene"] = str(scene)
+        packages = {}
+        for name, folder in options.packages.items():
+            choices = (above / folder for above in self.folders((section, "packages", name)))
+            packages[name] = str(next((choice for choice in choices if choice.is_dir()), folder))
+        return options.model_copy(update={**changes, "packages": packages})
 
     def finish(self, more: Iterable[Problem] = ()) -> Loaded:
         """Returns the configuration if it is valid.

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from mjplug.config import overrides
 from mjplug.config.document import Document, Place, read_document
@@ -19,9 +20,9 @@ from mjplug.config.tree import Tree
 
 __all__ = ["Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
 
-_MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
+_MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".xacro", ".mjb", ".mjz")
 _MODEL_SCHEMES = ("bundled:", "package://")
-MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params")
+MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params", "model_options")
 """Settings that may be written without a value."""
 
 
@@ -52,6 +53,7 @@ def read(
     model: str | None = None,
     sets: Sequence[str | Option | Setting] = (),
     environ: Mapping[str, str] = os.environ,
+    defaults: Mapping[str, object] = MappingProxyType({}),
 ) -> Draft:
     """Reads a configuration.
 
@@ -62,11 +64,12 @@ def read(
         sets: Values such as `sim.speed=2` (`--set`), equivalent options, or settings with a value. They override
             environment variables, which override the file.
         environ: Environment variables; those such as `MJPLUG_SIM__SPEED` are used.
+        defaults: Values as in a configuration file that everything else overrides.
 
     Raises:
         ConfigError: The file cannot be read, or is not a configuration.
     """
-    options = _Options(model, sets, environ)
+    options = _Options(model, sets, environ, defaults)
     main = _main(path, model)
     tree, _ = _assemble(main, [], options)
     ros_documents, problems = _ros_documents(main, Origins(tree, main.folder), tree)
@@ -90,6 +93,7 @@ class _Options:
     model: str | None
     sets: Sequence[str | Option | Setting]
     environ: Mapping[str, str]
+    defaults: Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +147,8 @@ def _assemble(main: _Main, ros_documents: Sequence[Document], options: _Options)
     """Merges everything into one tree; later parts override earlier ones."""
     tree = Tree(main.source)
     problems: list[Problem] = []
+    if options.defaults:
+        tree.merge(mapping_document(options.defaults))
     for document in [*ros_documents, *([main.own] if main.own else [])]:
         tree.merge(document)
         problems += document.problems

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from mjplug.config.endpoint import check_endpoint
+from mjplug.convert.options import ConversionOptions
 from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug_schemas.names import NAMESPACE, normalize_namespace, validate_node_name, validate_substituted
 
@@ -181,7 +182,11 @@ class Settings(Section):
 
     model: str = Field(
         min_length=1,
-        description="A .xml, .urdf, .mjb or .mjz file relative to this file, `package://pkg/path`, or `bundled:NAME`.",
+        description="A .xml, .urdf, .xacro, .mjb or .mjz file relative to this file, `package://pkg/path`, or "
+        "`bundled:NAME`.",
+    )
+    model_options: ConversionOptions = Field(
+        ConversionOptions(), description="Options of the conversion of a URDF or xacro file."
     )
     node_name: NodeName = Field(
         "mjplug", description="The server's node name, as in `/<namespace>/<node_name>/set_pause`."

@@ -31,11 +31,20 @@ class LoadedModel:
         model: The model.
         name: The model's own name, or the name of its file without suffix if it has none.
         path: The model's file.
+        description: The URDF of a converted robot; otherwise None.
+        keyframe: The keyframe to start from, unless the configuration names one; empty for the default pose.
     """
 
     model: mujoco.MjModel
     name: str
     path: Path
+    description: Path | None = None
+    keyframe: str = ""
+
+    @property
+    def described_by(self) -> Path:
+        """The URDF of a converted robot, otherwise the model's file."""
+        return self.description or self.path
 
 
 def load_model(uri: str, *folders: Path, environ: Mapping[str, str] = os.environ) -> LoadedModel:
@@ -73,7 +82,7 @@ def _check(path: Path) -> None:
         )
     suffix = path.suffix.lower()
     if suffix == ".xacro":
-        raise ModelError(f"{path} is a xacro template; convert it to a URDF first: xacro {path.name} -o {path.stem}")
+        raise ModelError(f"MuJoCo does not read xacro files, so {path} must be converted; do not set the option raw")
     if suffix not in SUFFIXES:
         raise ModelError(f"{path} is not a model file; the name of a model file ends with {', '.join(SUFFIXES)}")
     with path.open("rb") as file:

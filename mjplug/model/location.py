@@ -6,8 +6,9 @@ from importlib import resources
 from pathlib import Path
 
 from mjplug.errors import ModelError, did_you_mean
+from mjplug.model.packages import Packages
 
-SUFFIXES = (".xml", ".mjcf", ".urdf", ".mjb", ".mjz")
+SUFFIXES = (".xml", ".mjcf", ".urdf", ".xacro", ".mjb", ".mjz")
 """Suffixes of model files."""
 
 PACKAGE = "package://"
@@ -44,29 +45,34 @@ def locate(uri: str, folders: Sequence[Path] = (), environ: Mapping[str, str] = 
     raise ModelError(f"there is no model {path.name!r} in {where}{did_you_mean(path.name, sorted(siblings))}")
 
 
-def locate_in_package(uri: str, environ: Mapping[str, str], more: Sequence[Path] = ()) -> Path:
+def locate_in_package(uri: str, environ: Mapping[str, str], around: Path | None = None) -> Path:
     """Returns the file of a `package://pkg/path` URI, without ROS's own tools.
 
     Args:
-        uri: The URI.
-        environ: Environment variables. `<prefix>/share/<pkg>` is searched for each prefix in `AMENT_PREFIX_PATH`, then
-            `<folder>/<pkg>` for each folder in `ROS_PACKAGE_PATH`.
-        more: Folders that may be or contain the package; they are searched last.
+        uri: The URI. Some files contain three slashes, `package:///pkg/path`, with the same meaning.
+        environ: Environment variables, `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH`.
+        around: Folder of the file that contains the URI; packages around it are searched last.
 
     Raises:
         ModelError: There is no such file; the message lists the searched folders.
     """
-    package, _, rest = uri.removeprefix(PACKAGE).partition("/")
-    installed = [prefix / "share" / package for prefix in _paths(environ, "AMENT_PREFIX_PATH")]
-    around = [root for folder in [*_paths(environ, "ROS_PACKAGE_PATH"), *more] for root in _roots(folder, package)]
-    tried = list(dict.fromkeys([*installed, *around]))
-    for folder in tried:
-        if (folder / rest).is_file():
-            return folder / rest
-    listing = ", ".join(str(folder) for folder in tried if folder.is_dir())
+    return file_in_package(uri, Packages(environ, around))
+
+
+def file_in_package(uri: str, packages: Packages) -> Path:
+    """Returns the file of a `package://pkg/path` URI.
+
+    Raises:
+        ModelError: There is no such package, or no such file in it.
+    """
+    package, _, rest = uri.removeprefix(PACKAGE).lstrip("/").partition("/")
+    file = packages.file(package, rest)
+    if file is not None:
+        return file
+    listing = ", ".join(str(folder) for folder in dict.fromkeys(packages.folders(package)))
     if listing:
         raise ModelError(f"{uri!r}: package {package!r} in {listing} contains no file {rest!r}")
-    raise ModelError(f"{uri!r}: there is no package {package!r} in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH")
+    raise ModelError(f"{uri!r}: there is no package {package!r} in {packages.searched()}")
 
 
 def bundled_models() -> list[str]:
@@ -90,15 +96,7 @@ def _bundle() -> Path:
     return Path(str(resources.files("mjplug") / "bundled"))
 
 
-def _roots(folder: Path, package: str) -> list[Path]:
-    return [folder, folder / package] if folder.name == package else [folder / package]
-
-
 def _models_in(folder: Path) -> list[Path]:
     if not os.access(folder, os.R_OK | os.X_OK):
         return []
     return [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES]
-
-
-def _paths(environ: Mapping[str, str], variable: str) -> list[Path]:
-    return [Path(path) for path in environ.get(variable, "").split(os.pathsep) if path]

@@ -93,11 +93,11 @@ def _find(filename: str, urdf: Path, options: Mapping[str, str], environ: Mappin
         )
     if filename.startswith(PACKAGE):
         try:
-            return locate_in_package(filename, environ, list(folder.parents) + [folder]).resolve()
+            return locate_in_package(filename, environ, folder).resolve()
         except ModelError as error:
             if (mesh_folder / Path(filename).name).is_file():
                 return (mesh_folder / Path(filename).name).resolve()
-            raise ModelError(f"{urdf}: {error}, nor in a folder around the URDF") from None
+            raise ModelError(f"{urdf}: {error}") from None
     name = filename.removeprefix("file://")
     # By default, MuJoCo removes the folders from mesh file names; for other programs, they are relative to the URDF.
     choices = [mesh_folder / name, folder / name, mesh_folder / Path(name).name]

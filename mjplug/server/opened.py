@@ -61,7 +61,9 @@ class OpenedServer:
             wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, prepared.loaded.path(("zenoh", "config")))
             wanted = secured(
                 wanted,
-                lambda: rehearse(prepared.loaded, simulation.model, prepared.plugins, model.path, prepared.name, ros2),
+                lambda: rehearse(
+                    prepared.loaded, simulation.model, prepared.plugins, model.described_by, prepared.name, ros2
+                ),
             )
             self.has_roles = wanted.access_control is not None
             limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
@@ -71,8 +73,9 @@ class OpenedServer:
             workers = ProcessWorkerPool(wanted, self.network.session.endpoints)
             closing.callback(workers.close)
             self._calls = LocalCalls(self.network)
+            folder = prepared.loaded.states_folder
             self.server = Server(
-                settings, simulation, self._calls, prepared.plugins, workers, model.path, prepared.loaded.states_folder
+                settings, simulation, self._calls, prepared.plugins, workers, model.described_by, folder
             )
             closing.callback(self.server.end)
             rates = TopicRates(self.network, perf_counter())

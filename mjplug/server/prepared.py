@@ -10,13 +10,15 @@ from types import MappingProxyType
 
 from mjplug.config.draft import Draft, Loaded
 from mjplug.config.problem import ConfigError
+from mjplug.convert.load import load_model
 from mjplug.errors import ModelError, UnknownName
 from mjplug.model import engine_plugins
-from mjplug.model.file import LoadedModel, load_model
+from mjplug.model.file import LoadedModel
 from mjplug.physics import process
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin.folder_modules import importable
 from mjplug.plugin.selection import Classes, Selected, select
+from mjplug.server.drafts import log_conversion, log_report
 from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
 from mjplug.server.server import Server
 from mjplug.server.starting_pose import take_starting_pose
@@ -82,13 +84,22 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
         changes.enter_context(process.mujoco_configured())
         _load_engine_plugins(loaded)
         with _progress(f"compiling {settings.model}"):
-            model = load_model(settings.model, *loaded.folders(("model",)))
+            model = load_model(
+                settings.model,
+                *loaded.folders(("model",)),
+                options=draft.model_options,
+                progress=log_conversion(settings.model),
+                done=log_report,
+            )
+        keyframe = settings.sim.keyframe
+        if not (keyframe or settings.sim.start_position_file):
+            keyframe = model.keyframe
         try:
-            simulation = Simulation(model.model, settings.sim.keyframe)
+            simulation = Simulation(model.model, keyframe)
         except UnknownName as error:
             raise ConfigError([loaded.problem(("sim", "keyframe"), str(error))]) from error
-        take_starting_pose(simulation, loaded)
-        if not settings.sim.keyframe and (keyframes := simulation.keyframes()):
+        take_starting_pose(simulation, loaded, keyframe)
+        if not keyframe and (keyframes := simulation.keyframes()):
             _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
         return Prepared(loaded, plugins, model, simulation, changes.pop_all())
 
@@ -110,7 +121,7 @@ def check(prepared: Prepared) -> None:
     Raises:
         PluginError: A plugin refused to start.
     """
-    settings, model_file = prepared.loaded.settings, prepared.model.path
+    settings, model_file = prepared.loaded.settings, prepared.model.described_by
     server = Server(
         settings, prepared.simulation, OfflineTransport(), prepared.plugins, OfflineWorkerPool(), model_file
     )

@@ -13,7 +13,7 @@ _FILE = ("sim", "start_position_file")
 _log = logging.getLogger(__name__)
 
 
-def take_starting_pose(simulation: Simulation, loaded: Loaded) -> None:
+def take_starting_pose(simulation: Simulation, loaded: Loaded, keyframe: str = "") -> None:
     """Sets the initial state that the configuration describes.
 
     A start-position file replaces the keyframe, and a keyframe replaces the model's default pose. Positions by joint
@@ -23,13 +23,14 @@ def take_starting_pose(simulation: Simulation, loaded: Loaded) -> None:
     Args:
         simulation: The simulation, in the state of its keyframe and without a step. A reset restores the new state.
         loaded: The configuration.
+        keyframe: The keyframe of the simulation, if the model has chosen it instead of the configuration.
 
     Raises:
         ConfigError: Settings do not fit the model; the text contains every problem with its place.
     """
     sim = loaded.settings.sim
     problems = []
-    controlled = bool(sim.keyframe)
+    controlled = bool(sim.keyframe or keyframe)
     if (file := loaded.path(_FILE)) is not None:
         try:
             vectors = initial_state.read_start_positions(simulation, file)

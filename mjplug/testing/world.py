@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 import mujoco
 
 from mjplug.contracts.diagnostics import Diagnostics
-from mjplug.model.file import load_model
+from mjplug.convert.load import load_model
 from mjplug.physics.loop import Loop
 from mjplug.physics.reset import Reset
 from mjplug.physics.simulation import Simulation

@@ -118,13 +118,14 @@ def test_what_is_no_model_file_is_refused_in_one_sentence(here):
     (here / "arm.urdf.xacro").write_text("<robot/>")
     assert refusal("empty.xml") == f"{here}/empty.xml is empty"
     assert refusal("folder") == f"{here}/folder is a directory, not a model"
-    assert refusal(".") == f"{here} is a directory, not a model; it contains ball.xml, empty.xml"
+    assert refusal(".") == f"{here} is a directory, not a model; it contains arm.urdf.xacro, ball.xml, empty.xml"
     assert refusal("arm.urdf.xacro") == (
-        f"{here}/arm.urdf.xacro is a xacro template; convert it to a URDF first: xacro arm.urdf.xacro -o arm.urdf"
+        f"MuJoCo does not read xacro files, so {here}/arm.urdf.xacro must be converted; do not set the option raw"
     )
     (here / "scene.sdf").write_text("<sdf/>")
     assert refusal("scene.sdf") == (
-        f"{here}/scene.sdf is not a model file; the name of a model file ends with .xml, .mjcf, .urdf, .mjb, .mjz"
+        f"{here}/scene.sdf is not a model file; the name of a model file ends with .xml, .mjcf, .urdf, .xacro, .mjb, "
+        ".mjz"
     )
     (here / "bad.mjz").write_text("no archive")
     assert refusal("bad.mjz").startswith(f"{here}/bad.mjz: ")

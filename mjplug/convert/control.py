@@ -1,0 +1,128 @@
+"""Reads how the joints are driven: `<ros2_control>` and the older `<transmission>`."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+from xml.etree.ElementTree import Element
+
+from mjplug.convert.report import Report
+from mjplug.convert.robot import Robot
+
+ActuatorKind = Literal["position", "velocity", "motor"]
+
+_KINDS: dict[str, ActuatorKind] = {"position": "position", "velocity": "velocity", "effort": "motor"}
+_TRANSMISSIONS: dict[str, ActuatorKind] = {
+    "PositionJointInterface": "position",
+    "VelocityJointInterface": "velocity",
+    "EffortJointInterface": "motor",
+}
+
+
+@dataclass(slots=True)
+class Control:
+    """The driven joints.
+
+    Attributes:
+        source: Where this comes from: `ros2_control`, `transmission`, `some transmissions`, or empty if the URDF has
+            neither.
+        kinds: The kind of actuator of each driven joint.
+        named: Joints with a transmission, also the passive ones.
+        initial: Initial positions [rad, m].
+        reductions: Mechanical reductions of simple transmissions other than 1.
+        sensors: The `<sensor>` elements of `<ros2_control>`.
+    """
+
+    source: str = ""
+    kinds: dict[str, ActuatorKind] = field(default_factory=dict)
+    named: set[str] = field(default_factory=set)
+    initial: dict[str, float] = field(default_factory=dict)
+    reductions: dict[str, float] = field(default_factory=dict)
+    sensors: list[Element] = field(default_factory=list)
+
+    def is_passive(self, joint: str) -> bool:
+        """Returns whether the URDF says that a joint is not driven."""
+        if joint in self.kinds or not self.source:
+            return False
+        return self.source != "some transmissions" or joint in self.named
+
+
+def read_control(root: Element, robot: Robot, report: Report) -> Control:
+    """Reads `<ros2_control>`, or without one `<transmission>`."""
+    control = Control()
+    for system in root.iterfind("ros2_control"):
+        control.sensors += system.findall("sensor")
+        for element in system.iterfind("joint"):
+            _read_joint(element, robot, control, report)
+    for transmission in root.iterfind(".//transmission"):
+        _read_transmission(transmission, robot, control, report)
+    _complete(robot, control)
+    return control
+
+
+def _complete(robot: Robot, control: Control) -> None:
+    """Ignores that joints are missing in transmissions if most are: some files have them for a gripper only."""
+    free = [joint.name for joint in robot.scalar_joints if joint.mimic is None]
+    if control.source == "transmission" and 2 * len([name for name in free if name in control.named]) < len(free):
+        control.source = "some transmissions"
+
+
+def _read_joint(element: Element, robot: Robot, control: Control, report: Report) -> None:
+    name = element.get("name", "")
+    if name not in robot.joints:
+        report.add("warning", "<ros2_control> names a joint that does not exist", name)
+        return
+    commands = [found.get("name", "") for found in element.findall("command_interface")]
+    if commands:
+        control.source = "ros2_control"
+    kind = next((_KINDS[wanted] for wanted in _KINDS if wanted in commands), None)
+    if kind is not None and robot.joints[name].mimic is None:
+        control.kinds[name] = kind
+    elif commands and kind is None:
+        report.add("loss", "command interfaces without a counterpart", name, ", ".join(commands))
+    for state in element.iterfind("state_interface[@name='position']"):
+        for parameter in state.iterfind("param[@name='initial_value']"):
+            _read_initial(name, parameter.text, control, report)
+    for parameter in element.iterfind("param[@name='initial_position']"):
+        _read_initial(name, parameter.text, control, report)
+
+
+def _read_initial(name: str, text: str | None, control: Control, report: Report) -> None:
+    try:
+        control.initial[name] = float(text or "")
+    except ValueError:
+        report.add("warning", "initial position is not a number", name, repr(text))
+
+
+def _read_transmission(element: Element, robot: Robot, control: Control, report: Report) -> None:
+    plugin = next(
+        (found.text or "" for found in (element.find("plugin"), element.find("type")) if found is not None), ""
+    )
+    joints = [joint for joint in element.findall("joint") if joint.get("name") in robot.joints]
+    if "Differential" in plugin or "FourBar" in plugin:
+        names = ", ".join(joint.get("name", "") for joint in joints)
+        report.add("loss", "transmission with coupled joints; commands are in joint space", names, plugin)
+    for joint in joints:
+        name = joint.get("name", "")
+        texts = [
+            found.text or ""
+            for found in (*joint.findall("hardwareInterface"), *element.findall("actuator/hardwareInterface"))
+        ]
+        interfaces = [text.strip().rpartition("/")[2] for text in texts]
+        kind = next((_TRANSMISSIONS[text] for text in interfaces if text in _TRANSMISSIONS), None)
+        if interfaces and control.source in ("", "transmission"):
+            # `JointStateInterface` alone marks a passive joint.
+            control.source = "transmission"
+            control.named.add(name)
+            if kind is not None and robot.joints[name].mimic is None:
+                control.kinds.setdefault(name, kind)
+        for reduction in (*joint.findall("mechanical_reduction"), *element.findall("actuator/mechanical_reduction")):
+            _note_reduction(name, reduction.text, control, report)
+
+
+def _note_reduction(name: str, text: str | None, control: Control, report: Report) -> None:
+    try:
+        value = float(text or "1")
+    except ValueError:
+        return
+    if value != 1.0:
+        control.reductions[name] = value
+        report.add("loss", "mechanical reduction; commands and states are those of the joint", name, f"{value:g}")

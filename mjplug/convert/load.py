@@ -1,0 +1,134 @@
+"""Loads a model; a URDF or xacro file is converted first, unless the cache contains the result."""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from mjplug.convert.options import ConversionOptions
+from mjplug.convert.report import Report
+from mjplug.errors import ModelError
+from mjplug.model.file import LoadedModel
+from mjplug.model.file import load_model as load_file
+from mjplug.model.location import locate
+from mjplug.model.packages import Packages
+
+if TYPE_CHECKING:
+    from mjplug.convert.conversion import Conversion
+
+DESCRIPTIONS = (".urdf", ".xacro")
+"""Suffixes of robot descriptions."""
+
+Progress = Callable[[str, float], None]
+Done = Callable[[Report], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertedRobot:
+    """A converted robot in the cache.
+
+    Attributes:
+        source: The URDF or xacro file.
+        folder: The folder with `scene.xml`, `robot.urdf` and `mjplug.yaml`.
+    """
+
+    source: Path
+    folder: Path
+
+    def load(self) -> LoadedModel:
+        """Compiles the scene."""
+        loaded = load_file(str(self.folder / "scene.xml"))
+        return replace(loaded, path=self.source, description=self.folder / "robot.urdf", keyframe="home")
+
+    def plugins(self) -> dict[str, Any]:
+        """Returns the plugin instances that fit the robot, as in a configuration file."""
+        content = yaml.safe_load((self.folder / "mjplug.yaml").read_text(encoding="utf-8"))
+        plugins: dict[str, Any] = content["plugins"]
+        if "robot_description" in plugins:
+            plugins["robot_description"]["file"] = str(self.folder / "robot.urdf")
+        return plugins
+
+
+def is_description(uri: str | os.PathLike[str]) -> bool:
+    """Returns whether a name is that of a robot description, which is converted."""
+    return os.fspath(uri).lower().endswith(DESCRIPTIONS)
+
+
+def load_model(
+    uri: str,
+    *folders: Path,
+    options: ConversionOptions | None = None,
+    environ: Mapping[str, str] = os.environ,
+    progress: Progress = lambda stage, part: None,
+    done: Done = lambda report: None,
+) -> LoadedModel:
+    """Finds, converts and compiles a model.
+
+    Args:
+        uri: A path, `package://pkg/path` or `bundled:NAME`.
+        folders: Folders in which a relative path is searched, in this order; then the current folder is searched.
+        options: Options for a URDF or xacro file.
+        environ: Environment variables for the search of ROS packages, and for the place of the cache.
+        progress: Is called while a robot is converted.
+        done: Gets the report after a conversion.
+
+    Raises:
+        ModelError: The model does not exist, or cannot be converted or compiled.
+    """
+    robot = converted_robot(uri, *folders, options=options, environ=environ, progress=progress, done=done)
+    return load_file(uri, *folders, environ=environ) if robot is None else robot.load()
+
+
+def converted_robot(
+    uri: str,
+    *folders: Path,
+    options: ConversionOptions | None = None,
+    environ: Mapping[str, str] = os.environ,
+    progress: Progress = lambda stage, part: None,
+    done: Done = lambda report: None,
+) -> ConvertedRobot | None:
+    """Returns the converted robot, from the cache if possible; None if MuJoCo reads the file itself.
+
+    MuJoCo reads a URDF itself with the option `raw`, or if it contains a `<mujoco>` element for MuJoCo's reader.
+
+    Raises:
+        ModelError: The file does not exist, or cannot be converted.
+    """
+    options = options or ConversionOptions()
+    if options.raw or not is_description(uri):
+        return None
+    # Imported here, because most models need no conversion.
+    from mjplug.convert.cache import cache_folder, cached  # noqa: PLC0415
+    from mjplug.convert.conversion import convert  # noqa: PLC0415
+    from mjplug.convert.source import read_source  # noqa: PLC0415
+
+    path = locate(uri, folders, environ)
+    if path.is_dir():
+        raise ModelError(f"{path} is a directory, not a robot description")
+    packages = packages_for(path, options, environ)
+    source = read_source(path, options.arguments, packages)
+    if source.root.find("mujoco") is not None and path.suffix.lower() == ".urdf":
+        return None
+
+    def run() -> "Conversion":
+        conversion = convert(source, options, packages, cache_folder(environ) / "parts", progress)
+        done(conversion.report)
+        return conversion
+
+    return ConvertedRobot(path, cached(source, options, packages, run, environ))
+
+
+def packages_for(path: Path, options: ConversionOptions, environ: Mapping[str, str]) -> Packages:
+    """Returns the packages that a robot can name.
+
+    Raises:
+        ModelError: A folder in the options does not exist.
+    """
+    given = {name: Path(os.path.expanduser(folder)) for name, folder in options.packages.items()}
+    for name, folder in given.items():
+        if not folder.is_dir():
+            raise ModelError(f"the folder of package {name!r} is {str(folder)!r}, which does not exist")
+    return Packages(environ, path.absolute().parent, given)

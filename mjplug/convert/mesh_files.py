@@ -1,0 +1,54 @@
+"""Finds the files of meshes and textures: `package://`, `file://`, `model://`, relative and absolute paths."""
+
+from pathlib import Path
+from urllib.parse import unquote
+
+from mjplug.errors import ModelError
+from mjplug.model.location import PACKAGE, file_in_package
+from mjplug.model.packages import Packages
+
+_MODEL = "model://"
+_FILE = "file://"
+
+
+class MeshFiles:
+    """Finds files that a URDF names.
+
+    Args:
+        folder: The folder of the URDF.
+        packages: ROS packages.
+    """
+
+    def __init__(self, folder: Path, packages: Packages) -> None:
+        self._folder, self._packages = folder, packages
+
+    def find(self, uri: str) -> Path:
+        """Returns the file of a URI.
+
+        Raises:
+            ModelError: There is no such file.
+        """
+        for scheme in (PACKAGE, _MODEL):
+            if uri.startswith(scheme):
+                try:
+                    return file_in_package(PACKAGE + uri.removeprefix(scheme), self._packages)
+                except ModelError as error:
+                    beside = self._folder / Path(uri).name
+                    if beside.is_file():
+                        return beside
+                    raise ModelError(str(error)) from None
+        text = unquote(uri.removeprefix(_FILE)) if uri.startswith(_FILE) else uri
+        file = Path(text) if Path(text).is_absolute() else self._folder / text
+        if file.is_file():
+            return file
+        raise ModelError(f"there is no file {file}")
+
+    def portable(self, uri: str) -> str | None:
+        """Returns the URI as `package://` if it contains an absolute path; None if the file is in no package."""
+        if uri.startswith((PACKAGE, _MODEL)):
+            return uri
+        text = unquote(uri.removeprefix(_FILE))
+        if not Path(text).is_absolute():
+            return uri
+        owner = self._packages.of(Path(text))
+        return None if owner is None else f"{PACKAGE}{owner[0]}/{owner[1]}"

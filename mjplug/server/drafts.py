@@ -1,0 +1,88 @@
+"""Reads a configuration; a robot description alone gets the plugins that fit the robot."""
+
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import monotonic
+
+from mjplug.config.load import Draft, Option, Setting, read
+from mjplug.convert.load import ConvertedRobot, Progress, converted_robot, is_description
+from mjplug.convert.report import Report
+
+_FIRST_LINE, _PERIOD = 2.0, 5.0
+"""Times after which the log contains the first line about a conversion, and each further one [s]."""
+
+_MEANINGFUL = 0.1
+"""Finished part of a conversion from which its duration can be estimated."""
+
+_log = logging.getLogger(__name__)
+
+
+def read_draft(
+    path: str | Path | Mapping[str, object],
+    *,
+    model: str | None = None,
+    sets: Sequence[str | Option | Setting] = (),
+    environ: Mapping[str, str] = os.environ,
+) -> Draft:
+    """Reads a configuration as `mjplug.config.load.read` does.
+
+    If it is a URDF or xacro file instead of a configuration, the robot is converted, and the plugins for its joints,
+    frames and sensors are added. Arguments and `--set` can change their parameters.
+
+    Raises:
+        ConfigError: The configuration cannot be read.
+        ModelError: The robot cannot be converted.
+    """
+    draft = read(path, model=model, sets=sets, environ=environ)
+    if isinstance(path, Mapping) or not is_description(path):
+        return draft
+    robot = converted(draft, str(path), environ)
+    if robot is None:
+        return draft
+    return read(path, sets=sets, environ=environ, defaults={"plugins": robot.plugins()})
+
+
+def converted(draft: Draft, uri: str, environ: Mapping[str, str] = os.environ) -> ConvertedRobot | None:
+    """Returns the converted robot of a configuration; None if its model is not a robot description."""
+    return converted_robot(
+        uri,
+        *draft.folders(("model",)),
+        options=draft.model_options,
+        environ=environ,
+        progress=log_conversion(uri),
+        done=log_report,
+    )
+
+
+def log_conversion(name: str) -> Progress:
+    """Returns a function that logs the stages of a conversion of the file `name`, if it takes long."""
+    return _LoggedProgress(name)
+
+
+def log_report(report: Report) -> None:
+    """Logs what a conversion has lost and repaired."""
+    for line in report.lines(("error", "warning", "loss", "repair")):
+        _log.warning("%s", line)
+    guesses = len(report.of("guess"))
+    if guesses:
+        _log.info("the conversion guessed %d values; `mjplug convert` writes them to conversion.json", guesses)
+
+
+class _LoggedProgress:
+    """Logs the stages of a conversion that takes long, with the time that is left.
+
+    Args:
+        name: The file.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name, self._start, self._next = name, monotonic(), _FIRST_LINE
+
+    def __call__(self, stage: str, part: float) -> None:
+        elapsed = monotonic() - self._start
+        if elapsed >= self._next and part < 1.0:
+            left = f", about {elapsed / part - elapsed:.0f} s left" if part > _MEANINGFUL else ""
+            _log.info("converting %s: %s%s", self._name, stage, left)
+            self._next = elapsed + _PERIOD

@@ -1,0 +1,146 @@
+"""The files of a conversion: written completely or not at all, kept, and made again when something changes."""
+
+import json
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from model_files import tetrahedron
+
+from convert.robots import ARM, BOX, converted, joint, link, robot
+from mjplug.convert import cache, folder
+from mjplug.convert.load import converted_robot, load_model
+from mjplug.convert.options import ConversionOptions
+from mjplug.errors import ModelError
+
+
+def contents(path):
+    return {file.relative_to(path).as_posix(): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+
+def test_a_folder_has_the_files_of_the_conversion(tmp_path):
+    conversion, _ = converted(tmp_path, ARM)
+    folder.write_folder(tmp_path / "a" / "arm", conversion.files, force=False)
+    assert contents(tmp_path / "a" / "arm") == conversion.files
+    assert os.listdir(tmp_path / "a") == ["arm"]
+    assert load_model(str(tmp_path / "a" / "arm" / "scene.xml")).name == "arm"
+    assert load_model(str(tmp_path / "a" / "arm" / "robot.xml")).name == "arm"
+
+
+def test_an_existing_folder_is_replaced_only_by_force_and_never_with_edited_files(tmp_path):
+    first, _ = converted(tmp_path, ARM)
+    second, _ = converted(tmp_path, ARM, gravcomp="off")
+    target = tmp_path / "arm"
+    folder.write_folder(target, first.files, force=False)
+    with pytest.raises(ModelError, match="already exists; choose another folder, or replace it with --force"):
+        folder.write_folder(target, second.files, force=False)
+    folder.write_folder(target, second.files, force=True)
+    assert contents(target) == second.files
+    (target / "scene.xml").write_text("<mujoco/>")
+    with pytest.raises(ModelError, match=r"edited since its conversion: scene\.xml"):
+        folder.write_folder(target, first.files, force=True)
+    (target / "scene.xml").write_bytes(second.files["scene.xml"])
+    (target / "notes.txt").write_text("mine")
+    with pytest.raises(ModelError, match=r"not written by a conversion: notes\.txt"):
+        folder.write_folder(target, first.files, force=True)
+
+
+def test_a_folder_of_something_else_is_not_replaced(tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "thesis.tex").write_text("years of work")
+    conversion, _ = converted(tmp_path, ARM)
+    with pytest.raises(ModelError, match=r"not written by a conversion: thesis\.tex"):
+        folder.write_folder(tmp_path / "thesis", conversion.files, force=True)
+    with pytest.raises(ModelError, match="is not a folder"):
+        folder.write_folder(tmp_path / "robot.urdf", conversion.files, force=True)
+
+
+def test_a_conversion_that_is_interrupted_leaves_nothing(tmp_path, monkeypatch):
+    conversion, _ = converted(tmp_path, ARM)
+    target = tmp_path / "out"
+    target.mkdir()
+
+    def interrupted(new, old):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(folder, "_swap", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        folder.write_folder(target / "arm", conversion.files, force=False)
+    assert os.listdir(target) == []
+
+
+def arm_with_mesh(path, size=1):
+    tetrahedron(path / "part.stl", size)
+    mesh = '<mesh filename="part.stl"/>'
+    (path / "arm.urdf").write_text(
+        robot(link("base", shape=BOX), link("a", visual=mesh), joint("j", "base", "a"), name="arm")
+    )
+
+
+def test_the_cache_keeps_a_robot_until_something_changes(tmp_path):
+    arm_with_mesh(tmp_path)
+    environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    runs = []
+
+    def folder_of(**options):
+        robot = converted_robot(
+            str(tmp_path / "arm.urdf"), options=ConversionOptions(**options), environ=environ, done=runs.append
+        )
+        return robot.folder
+
+    first = folder_of()
+    assert first == folder_of()
+    assert len(runs) == 1
+    assert first.parent == tmp_path / "cache" / "mjplug" / "models"
+    tetrahedron(tmp_path / "part.stl", 2)
+    second = folder_of()
+    third = folder_of(gravcomp="off")
+    assert len({first, second, third}) == len(runs) == 3
+    (second / "robot.xml").unlink()
+    assert folder_of() == second
+    assert len(runs) == 4
+    (tmp_path / "part.stl").unlink()
+    assert folder_of() not in (first, second)
+
+
+def test_several_servers_convert_the_same_robot_at_once(tmp_path):
+    arm_with_mesh(tmp_path)
+    environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    with ThreadPoolExecutor(4) as threads:
+        found = list(
+            threads.map(lambda _: converted_robot(str(tmp_path / "arm.urdf"), environ=environ).folder, range(4))
+        )
+    assert len(set(found)) == 1
+    assert cache.is_complete(found[0])
+    assert [path.name for path in found[0].parent.iterdir()] == [found[0].name]
+
+
+def test_a_cache_that_cannot_be_written_is_named(tmp_path):
+    arm_with_mesh(tmp_path)
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(ModelError, match=r"the cache .*/cache/mjplug/models cannot be written: Not a directory"):
+        converted_robot(str(tmp_path / "arm.urdf"), environ={"XDG_CACHE_HOME": str(tmp_path / "cache")})
+
+
+def test_mujoco_reads_a_urdf_itself_on_request_or_if_the_urdf_says_so(tmp_path):
+    arm_with_mesh(tmp_path)
+    environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    assert load_model(str(tmp_path / "arm.urdf"), options=ConversionOptions(raw=True), environ=environ).model.nu == 0
+    loaded = load_model(str(tmp_path / "arm.urdf"), environ=environ)
+    assert (loaded.model.nu, loaded.keyframe, loaded.name) == (1, "home", "arm")
+    assert (loaded.path, loaded.described_by.name) == (tmp_path / "arm.urdf", "robot.urdf")
+    text = (tmp_path / "arm.urdf").read_text()
+    (tmp_path / "own.urdf").write_text(text.replace("<link", "<mujoco/><link", 1))
+    assert load_model(str(tmp_path / "own.urdf"), environ=environ).model.nu == 0
+
+
+def test_the_record_contains_every_decision(tmp_path):
+    conversion, model = converted(tmp_path, ARM)
+    record = json.loads(conversion.files["conversion.json"])
+    shoulder = record["joints"]["shoulder"]
+    assert shoulder["actuator"] == "position"
+    assert shoulder["velocity"] == 3.0
+    assert shoulder["kp"] == model.actuator("shoulder").gainprm[0]
+    assert record["base"] == "fixed"
+    assert set(record["files"]) == set(conversion.files) - {"conversion.json"}
+    assert {note["kind"] for note in record["notes"]} == {"guess"}
