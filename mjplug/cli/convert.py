@@ -48,7 +48,7 @@ def convert(
     ] = "auto",
     scene: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="floor, tabletop, obstacles, none, or an MJCF file.")
-    ] = "floor",
+    ] = "",
     mujoco_inputs: Annotated[
         list[Path] | None,
         typer.Option("--mujoco-inputs", "-m", metavar="FILE", help="A file with <mujoco_inputs>. Repeatable."),
@@ -197,7 +197,7 @@ def _counted(count: int, what: str) -> str:
 def _as_json(conversion: "Conversion", folder: Path | None) -> dict[str, object]:
     from json import loads
 
-    from mjplug.convert.conversion import RECORD
+    from mjplug.convert.record import RECORD
 
     record = loads(conversion.files[RECORD])
     return {"folder": None if folder is None else str(folder), **record}

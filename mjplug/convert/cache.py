@@ -12,9 +12,10 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from mjplug.convert.conversion import FORMAT, RECORD, Conversion
+from mjplug.convert.conversion import Conversion
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.options import ConversionOptions
+from mjplug.convert.record import FORMAT, RECORD
 from mjplug.convert.source import Source
 from mjplug.errors import ModelError
 from mjplug.model.packages import Packages
@@ -39,6 +40,9 @@ def key_of(source: Source, options: ConversionOptions, packages: Packages) -> st
             content = part if isinstance(part, bytes) else str(part).encode()
             state.update(len(content).to_bytes(8, "little") + content)
 
+    # The converter's own files instead of a version, which a change of its rules could leave behind.
+    own = sorted(file for file in Path(__file__).parent.rglob("*") if file.suffix in (".py", ".xml"))
+    add(*(file.read_bytes() for file in own))
     add(FORMAT, mujoco.mj_versionString(), *(f"{name} {_version(name)}" for name in _LIBRARIES))
     add(options.model_dump_json(exclude={"packages"}), source.path.name)
     add(ElementTree.tostring(source.root), *source.warnings)

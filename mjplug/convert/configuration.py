@@ -5,8 +5,10 @@ from typing import Any
 
 import yaml
 
+from mjplug.convert.inputs import Lidar
 from mjplug.convert.robot import Joint, Robot
 from mjplug.convert.scene import HOME, SCENE_FILE
+from mjplug.convert.sensors import SensorWriter
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,18 +19,26 @@ class Configuration:
         robot: The robot.
         free: Whether its root link is free.
         wheels: Its wheels.
+        sensors: Its sensors.
+        scans: Lidars that consist of rangefinders.
     """
 
     robot: Robot
     free: bool
     wheels: list[Joint]
+    sensors: SensorWriter
+    scans: list[Lidar]
 
     def plugins(self) -> dict[str, dict[str, Any]]:
         """Returns the plugin instances by name."""
         drives = self.free and len(self.wheels) >= 2
         result: dict[str, dict[str, Any]] = {
             "joint_state_publisher": {"type": "joint_state_publisher"},
-            "joint_commands": {"type": "joint_commands"},
+            "joint_commands": {
+                "type": "joint_commands",
+                "topic": "{ns}/joint_commands",
+                "trajectory_topic": "{ns}/joint_trajectory",
+            },
             "transforms": {"type": "transforms"},
             "robot_description": {"type": "robot_description", "file": "robot.urdf"},
         }
@@ -36,6 +46,26 @@ class Configuration:
             root = self.robot.root
             result["transforms"]["roots"] = [root]
             result["odometry"] = {"type": "odometry", "body": root, "origin": "start", "publish_tf": True}
+        result |= self._sensor_plugins()
+        return result
+
+    def _sensor_plugins(self) -> dict[str, dict[str, Any]]:
+        mjcf, sensors = self.sensors.mjcf, self.sensors
+        result: dict[str, dict[str, Any]] = {}
+        scans = {lidar.sensor: lidar for lidar in self.scans}
+        rays = [element for element in mjcf.section("sensor") if element.get("site") in scans]
+        single = [element for element in mjcf.section("sensor") if element not in rays]
+        if single:
+            result["sensors"] = {"type": "sensors"} | {name: {"rate": rate} for name, rate in sensors.rates.items()}
+        if rays:
+            named = {ray.get("name", ""): scans[ray.get("site", "")] for ray in rays if ray.get("name")}
+            result["rangefinder_lidar"] = {"type": "rangefinder_lidar"} | {
+                name: _scan(lidar) | sensors.scans.get(name, {}) for name, lidar in named.items()
+            }
+        if next(mjcf.root.iter("camera"), None) is not None:
+            result["camera"] = {"type": "camera"} | {name: given for name, given in sensors.cameras.items() if given}
+        if sensors.lidars:
+            result["lidar"] = {"type": "lidar"} | _with_topics(sensors.lidars)
         return result
 
     def content(self) -> dict[str, Any]:
@@ -46,3 +76,22 @@ class Configuration:
         """Returns the configuration as YAML."""
         comment = "# mjplug serve mjplug.yaml\n"
         return comment + yaml.safe_dump(self.content(), sort_keys=False, default_flow_style=None, width=120)
+
+
+def _scan(lidar: Lidar) -> dict[str, Any]:
+    """Returns the parameters of a lidar that consists of rangefinders."""
+    return {
+        "frame_name": lidar.link,
+        "min_angle": lidar.min_angle,
+        "max_angle": round(lidar.min_angle + (lidar.count - 1) * lidar.increment, 12),
+        "angle_increment": lidar.increment,
+    }
+
+
+def _with_topics(lidars: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Adds topics if several lidars would publish on the same one."""
+    flat = [name for name, lidar in lidars.items() if lidar["resolution"][1] == 1]
+    deep = [name for name in lidars if name not in flat]
+    topics = {name: f"{{ns}}/{name}/scan" for name in flat if len(flat) > 1}
+    topics |= {name: f"{{ns}}/{name}/points" for name in deep if len(deep) > 1}
+    return {name: lidar | ({"topic": topics[name]} if name in topics else {}) for name, lidar in lidars.items()}

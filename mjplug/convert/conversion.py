@@ -1,6 +1,5 @@
 """The conversion: from a URDF or xacro file to the files of a model."""
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +9,7 @@ import mujoco
 import numpy as np
 
 from mjplug.convert.actuators import Drive, DriveRules, write_drives
+from mjplug.convert.apply_inputs import add_sites, apply_inputs
 from mjplug.convert.base import floating_joint, home_positions, stands_freely, wheels_of
 from mjplug.convert.check import check_model
 from mjplug.convert.configuration import Configuration
@@ -17,28 +17,29 @@ from mjplug.convert.contacts import read_srdf, write_casters, write_excludes
 from mjplug.convert.control import read_control
 from mjplug.convert.decompose import Decomposer
 from mjplug.convert.gazebo import read_gazebo
+from mjplug.convert.inputs import read_inputs
 from mjplug.convert.materials import Materials
 from mjplug.convert.measure import Measured, lowest_of, lowest_points, measure, set_positions
 from mjplug.convert.mesh_assets import MeshAssets
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.mjcf import Mjcf
 from mjplug.convert.options import ConversionOptions
+from mjplug.convert.placement import placement
 from mjplug.convert.read_urdf import read_robot
+from mjplug.convert.record import RECORD, counts_of, digest, record_of
 from mjplug.convert.report import Report, to_json
 from mjplug.convert.robot import Joint, Robot
 from mjplug.convert.rotations import numbers
-from mjplug.convert.scene import ROBOT_FILE, SCENE_FILE, Placement, build_scene, write_home
+from mjplug.convert.scene import HOME, ROBOT_FILE, SCENE_FILE, build_scene, write_home
+from mjplug.convert.sensors import SensorWriter
 from mjplug.convert.source import Source
 from mjplug.convert.write_bodies import BodyWriter
-from mjplug.errors import ModelError
+from mjplug.errors import ModelError, did_you_mean
 from mjplug.model.packages import Packages
 from mjplug.model.text import message_of
 
-ASSETS, DESCRIPTION, CONFIGURATION, RECORD = "assets", "robot.urdf", "mjplug.yaml", "conversion.json"
+ASSETS, DESCRIPTION, CONFIGURATION = "assets", "robot.urdf", "mjplug.yaml"
 """Names in the folder of a converted robot."""
-
-FORMAT = 1
-"""Version of the conversion; a new one makes cached models invalid."""
 
 Progress = Callable[[str, float], None]
 """Gets the name of a stage, and the finished part of the whole conversion, from 0 to 1."""
@@ -115,8 +116,14 @@ class _Pipeline:
         self.gazebo = read_gazebo(source.root, self.robot, self.report)
         self.finder = MeshFiles(source.path.absolute().parent, packages)
         self.materials = Materials(self.report)
+        self.inputs = read_inputs(source.root, options.mujoco_inputs)
         decomposer = Decomposer(decompositions, self.report)
-        self.meshes = MeshAssets(self.finder, self.materials, options, decomposer, self.report)
+        self.meshes = MeshAssets(
+            self.finder, self.materials, options, decomposer, self.report, self.inputs.decompose, self._on_mesh
+        )
+        links = self.robot.links.values()
+        shapes = [shape for link in links for shape in (*link.visuals, *link.collisions) if shape.shape == "mesh"]
+        self.mesh_uses, self.mesh_uses_done = len(shapes), 0
         self.wheels: list[Joint] = wheels_of(self.robot)
 
     def run(self) -> Conversion:
@@ -126,7 +133,8 @@ class _Pipeline:
         home = home_positions(robot, self.control, srdf_home, report)
         self.progress("meshes", 0.05)
         bodies = BodyWriter(robot, options, self.gazebo, self.meshes, self.materials, report)
-        mjcf = bodies.write(options.sites)
+        mjcf = bodies.write()
+        self._check_decompositions()
         assets = {f"{ASSETS}/{name}": content for name, content in (self.meshes.files | self.materials.files).items()}
         self.progress("compiling", 0.5)
         model = _compiled(mjcf, assets)
@@ -140,25 +148,63 @@ class _Pipeline:
         measured = measure(robot, model, home, options.self_collision == "auto")
         drives = self._write_dynamics(mjcf, model, data, measured, free, disabled)
         self.progress("scene", 0.85)
-        place = _placement(robot, model, data, free or floating_joint(robot) is not None)
-        scene = build_scene(options.scene, robot.name, place, {name.lower() for name in self._asset_stems()})
+        sensors = self._write_sensors(mjcf)
+        place = placement(robot, model, data, free or floating_joint(robot) is not None)
+        scene = build_scene(options.scene, robot.name, place, self._asset_stems(), self.inputs.scenes)
         assets |= {f"{ASSETS}/{name}": content for name, content in scene.files.items()}
         files = {ROBOT_FILE: mjcf.text().encode()}
         model = _from_text(scene.text(), {**files, ROBOT_FILE: mjcf.text_without_pictures().encode(), **assets})
         qpos, ctrl = self._home_state(model, home)
-        write_home(scene.root, model, qpos, ctrl)
+        if HOME not in [model.key(key).name for key in range(model.nkey)]:
+            write_home(scene.root, model, qpos, ctrl)
         files[SCENE_FILE] = scene.text().encode()
         self.progress("checking", 0.9)
         model = _from_text(scene.text(), {**files, **assets})
         check_model(robot, model, fused=options.fuse)
         files[DESCRIPTION] = self._description()
-        files[CONFIGURATION] = Configuration(robot, free, self.wheels).text().encode()
+        configuration = Configuration(robot, free, self.wheels, sensors, self.inputs.lidars)
+        files[CONFIGURATION] = configuration.text().encode()
         files |= assets
-        counts = self._counts(model, drives)
-        record = self._record(files, counts, drives, home, free)
+        counts = counts_of(robot, model, drives, len(self.meshes.files))
+        sources = {
+            self.finder.portable(uri) or Path(uri).name: digest(path.read_bytes())
+            for uri, path in self.meshes.sources.items()
+        }
+        record = record_of(robot, drives, home, report) | {
+            "source": self.source.path.name,
+            "options": options.model_dump(mode="json", exclude_defaults=True, exclude={"packages"}),
+            "base": "free" if free else "fixed",
+            "counts": counts,
+            "sources": sources,
+            "files": {name: digest(content) for name, content in files.items()},
+        }
         files[RECORD] = to_json(record).encode()
         self.progress("done", 1.0)
         return Conversion(robot.name, files, report, counts, free, drives, home)
+
+    def _on_mesh(self) -> None:
+        self.mesh_uses_done += 1
+        self.progress("meshes", 0.05 + 0.45 * min(self.mesh_uses_done / self.mesh_uses, 1.0))
+
+    def _check_decompositions(self) -> None:
+        stems = self.meshes.collision_stems
+        for name in self.inputs.decompose:
+            if name not in stems:
+                known = ", ".join(sorted(stems)) or "none"
+                raise ModelError(
+                    f"<decompose_mesh> names the mesh {name!r}, which no link collides with"
+                    f"{did_you_mean(name, stems)}; collision meshes: {known}"
+                )
+
+    def _write_sensors(self, mjcf: Mjcf) -> SensorWriter:
+        """Adds the sensors, and applies `<mujoco_inputs>`."""
+        if self.inputs.exist or self.options.sites:
+            add_sites(mjcf)
+        sensors = SensorWriter(mjcf, self.report)
+        sensors.write_gazebo(self.gazebo.sensors)
+        apply_inputs(mjcf, self.inputs)
+        sensors.write_control(self.control.sensors)
+        return sensors
 
     def _at(self, model: mujoco.MjModel, home: Mapping[str, float]) -> mujoco.MjData:
         data = mujoco.MjData(model)
@@ -210,8 +256,8 @@ class _Pipeline:
                 ctrl[actuator] = home[name]
         return data.qpos.copy(), ctrl
 
-    def _asset_stems(self) -> list[str]:
-        return [Path(name).stem for name in (*self.meshes.files, *self.materials.files)]
+    def _asset_stems(self) -> set[str]:
+        return {Path(name).stem.lower() for name in (*self.meshes.files, *self.materials.files)}
 
     def _description(self) -> bytes:
         """Returns the expanded URDF, without absolute paths."""
@@ -222,56 +268,6 @@ class _Pipeline:
                 portable = self.finder.portable(uri)
                 element.set("filename", Path(uri).name if portable is None else portable)
         return (ElementTree.tostring(root, encoding="unicode", xml_declaration=True).rstrip() + "\n").encode()
-
-    def _counts(self, model: mujoco.MjModel, drives: list[Drive]) -> dict[str, int]:
-        joints = self.robot.scalar_joints
-        kinds = [drive.kind for drive in drives]
-        return {
-            "links": len(self.robot.links),
-            "joints": len(joints),
-            "mimic": sum(joint.mimic is not None for joint in joints),
-            **{kind: kinds.count(kind) for kind in ("position", "velocity", "motor")},
-            "sensors": int(model.nsensor),
-            "cameras": int(model.ncam),
-            "meshes": len(self.meshes.files),
-        }
-
-    def _record(
-        self,
-        files: Mapping[str, bytes],
-        counts: dict[str, int],
-        drives: list[Drive],
-        home: Mapping[str, float],
-        free: bool,
-    ) -> dict[str, object]:
-        joints = {
-            drive.joint: {
-                "actuator": drive.kind, "effort": drive.effort, "velocity": self.robot.joints[drive.joint].velocity,
-                "armature": drive.armature, "damping": drive.damping, "kp": drive.kp, "kv": drive.kv,
-                "home": home.get(drive.joint),
-            }
-            for drive in drives
-        }  # fmt: skip
-        sources = {uri: digest(path.read_bytes()) for uri, path in self.meshes.sources.items()}
-        sources = {self.finder.portable(uri) or Path(uri).name: digest for uri, digest in sources.items()}
-        return {
-            "format": FORMAT,
-            "mujoco": mujoco.mj_versionString(),
-            "source": self.source.path.name,
-            "options": self.options.model_dump(mode="json", exclude_defaults=True, exclude={"packages"}),
-            "robot": self.robot.name,
-            "base": "free" if free else "fixed",
-            "counts": counts,
-            "joints": joints,
-            "notes": self.report.as_json(),
-            "sources": sources,
-            "files": {name: digest(content) for name, content in files.items()},
-        }
-
-
-def digest(content: bytes) -> str:
-    """Returns a hash of the content of a file."""
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
 
 
 def _compiled(mjcf: Mjcf, assets: Mapping[str, bytes]) -> mujoco.MjModel:
@@ -284,26 +280,3 @@ def _from_text(text: str, files: Mapping[str, bytes]) -> mujoco.MjModel:
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = "; ".join(line.strip() for line in message_of(error).splitlines() if line.strip())
         raise ModelError(f"MuJoCo does not accept the converted model: {reason}") from error
-
-
-def _placement(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, free: bool) -> Placement:
-    fixed = set(robot.rigid_group(robot.root))
-    moving = {name: value for name, value in lowest_points(robot, model, data).items() if name not in fixed}
-    corners = _corners(model, data)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    center = (low + high) / 2.0
-    return Placement(
-        free,
-        min(moving.values(), default=0.0),
-        float(high[0]),
-        (float(center[0]), float(center[1]), float(center[2])),
-        0.7 * float(np.linalg.norm(high - low)),
-    )
-
-
-def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Returns points that enclose all geoms, shape (n, 3) [m]."""
-    reach = model.geom_rbound[:, None]
-    if not len(reach):
-        return np.zeros((1, 3))
-    return np.concatenate([data.geom_xpos - reach, data.geom_xpos + reach])

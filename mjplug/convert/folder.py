@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from mjplug.convert.conversion import RECORD, digest
+from mjplug.convert.record import RECORD, digest
 from mjplug.errors import ModelError
 
 

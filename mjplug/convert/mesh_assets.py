@@ -1,7 +1,9 @@
 """The meshes of a model: reads each file once, and writes one asset for each use."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement
 
@@ -48,6 +50,7 @@ class MeshAssets:
     Attributes:
         files: Contents of files by name.
         sources: The files that were read, by URI.
+        collision_stems: Names of the collision meshes, without suffix.
 
     Args:
         finder: Finds files.
@@ -55,6 +58,8 @@ class MeshAssets:
         options: The options.
         decomposer: Divides collision meshes.
         report: The report.
+        by_mesh: Thresholds of meshes to divide, by their names without suffix.
+        on_mesh: Is called when a mesh is done.
     """
 
     def __init__(
@@ -64,6 +69,8 @@ class MeshAssets:
         options: ConversionOptions,
         decomposer: Decomposer,
         report: Report,
+        by_mesh: Mapping[str, float] = MappingProxyType({}),
+        on_mesh: Callable[[], None] = lambda: None,
     ) -> None:
         self.files: dict[str, bytes] = {}
         self.sources: dict[str, Path] = {}
@@ -76,6 +83,9 @@ class MeshAssets:
         self._names: set[str] = set()
         self._file_names: set[str] = set()
         self._thresholds = _thresholds(options.decompose)
+        self._by_mesh = dict(by_mesh)
+        self._on_mesh = on_mesh
+        self.collision_stems: set[str] = set()
 
     def use(self, geometry: Geometry, kind: Kind, link: str) -> list[Asset]:
         """Returns the assets of a mesh; none if it is missing or broken, which the report says.
@@ -83,10 +93,13 @@ class MeshAssets:
         Raises:
             ModelError: The mesh is missing, and the options are strict; or a library is not installed.
         """
+        self._on_mesh()
         path = self._find(geometry.mesh, kind, link)
         if path is None:
             return []
-        threshold = self._threshold(link) if kind == "collision" else None
+        threshold = self._threshold(link, path.stem) if kind == "collision" else None
+        if kind == "collision":
+            self.collision_stems.add(path.stem)
         key = (path, geometry.scale, kind, threshold)
         if key not in self._assets:
             parts = self._parts(path, kind, link)
@@ -132,7 +145,9 @@ class MeshAssets:
             return []
         return found
 
-    def _threshold(self, link: str) -> float | None:
+    def _threshold(self, link: str, stem: str) -> float | None:
+        if stem in self._by_mesh:
+            return self._by_mesh[stem]
         return self._thresholds.get(link, self._thresholds.get(""))
 
     def _add(
@@ -158,7 +173,7 @@ class MeshAssets:
         return [Asset(self._save(part, f"{stem}_collision", kind)) for part in convex]
 
     def _decomposed(self, mesh: Mesh, stem: str, threshold: float) -> list[Mesh]:
-        if self._options.decompose == "auto":
+        if self._options.decompose == "auto" and stem not in self._by_mesh:
             found = concavity(mesh)
             if found is None or found <= CONCAVE:
                 return [mesh]

@@ -65,7 +65,11 @@ class ConversionOptions(BaseModel):
     gravcomp: Literal["auto", "on", "off"] = Field(
         "auto", description="Gravity compensation by the servos; `auto`: for robots that are fixed to the world."
     )
-    scene: str = Field("floor", description="Scene: `floor`, `tabletop`, `obstacles`, `none`, or an MJCF file.")
+    scene: str = Field(
+        "",
+        description="Scene: `floor`, `tabletop`, `obstacles`, `none`, or an MJCF file; empty: that of "
+        "`<mujoco_inputs>`, else `floor`.",
+    )
     mujoco_inputs: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="Files with `<mujoco_inputs>` of mujoco_ros2_control."
     )

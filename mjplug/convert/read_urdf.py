@@ -1,7 +1,6 @@
 """Reads the robot from a URDF: links, joints and materials."""
 
 import math
-from collections.abc import Sequence
 from typing import cast, get_args
 from xml.etree.ElementTree import Element
 
@@ -10,6 +9,7 @@ import numpy as np
 from mjplug.convert.report import Report
 from mjplug.convert.robot import Geometry, Inertial, Joint, JointType, Link, Material, Mimic, Robot
 from mjplug.convert.rotations import IDENTITY, Array, pose
+from mjplug.convert.tree import check_mimics, check_tree
 from mjplug.errors import ModelError, did_you_mean
 
 _TYPES: dict[str, JointType] = {name: name for name in get_args(JointType)} | {"spherical": "ball"}
@@ -41,8 +41,8 @@ def read_robot(root: Element, report: Report) -> Robot:
             raise ModelError(f"two joints have the name {joint.name!r}")
         joints[joint.name] = joint
     robot = Robot(root.get("name") or "robot", links, joints)
-    _check_tree(robot)
-    _check_mimics(robot, report)
+    check_tree(robot)
+    check_mimics(robot, report)
     return robot
 
 
@@ -230,60 +230,3 @@ def _read_limit(limit: Element, joint: Joint, report: Report) -> None:
         else:
             report.add("guess", "equal limits mean no limits", joint.name)
     joint.effort, joint.velocity = (abs(found) if (found := value(part)) else None for part in ("effort", "velocity"))
-
-
-def _check_tree(robot: Robot) -> None:
-    """Checks that each link has one parent, and that all hang on one root.
-
-    Raises:
-        ModelError: They don't.
-    """
-    above: dict[str, str] = {}
-    for joint in robot.joints.values():
-        if joint.child in above:
-            raise ModelError(
-                f"link {joint.child!r} is the child of joints {above[joint.child]!r} and {joint.name!r}; the links "
-                "of a URDF are a tree"
-            )
-        above[joint.child] = joint.name
-    roots = [name for name in robot.links if name not in above]
-    if len(roots) > 1:
-        raise ModelError(f"several links have no parent: {_listed(roots)}; connect them with joints to one root")
-    reached = set(roots) | ({joint.child for joint in robot.walk(roots[0])} if roots else set())
-    left = [name for name in robot.links if name not in reached]
-    if left:
-        raise ModelError(f"the joints of these links form a loop: {_listed(left)}; the links of a URDF are a tree")
-
-
-def _check_mimics(robot: Robot, report: Report) -> None:
-    for joint in robot.joints.values():
-        if joint.mimic is None:
-            continue
-        if joint.type not in ("revolute", "continuous", "prismatic"):
-            report.add("loss", "mimic of a joint that does not have one coordinate", joint.name, joint.type)
-            joint.mimic = None
-            continue
-        seen, leader = {joint.name}, joint
-        while leader.mimic is not None:
-            name = leader.mimic.joint
-            if name not in robot.joints:
-                near = did_you_mean(name, robot.joints)
-                report.add(
-                    "warning",
-                    "mimic of a joint that does not exist; the joint moves freely",
-                    leader.name,
-                    f"{name}{near}",
-                )
-                leader.mimic = None
-                break
-            if name in seen:
-                raise ModelError(f"joint {joint.name!r} mimics itself, through {name!r}")
-            seen.add(name)
-            leader = robot.joints[name]
-        if leader.type not in ("revolute", "continuous", "prismatic"):
-            raise ModelError(f"joint {joint.name!r} mimics {leader.name!r}, which has the type {leader.type!r}")
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(map(repr, names[:5]))
-    return f"{shown} and {len(names) - 5} more" if len(names) > 5 else shown

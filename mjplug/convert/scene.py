@@ -16,7 +16,7 @@ from mjplug.errors import ModelError, did_you_mean
 
 ROBOT_FILE, SCENE_FILE = "robot.xml", "scene.xml"
 HOME = "home"
-NONE = "none"
+NONE, DEFAULT = "none", "floor"
 
 _TABLE = (-0.4, 0.75)
 """Front edge and height of the table [m]."""
@@ -69,18 +69,25 @@ def scene_names() -> list[str]:
     return sorted(path.name.removesuffix(".xml") for path in _library().iterdir() if path.name.endswith(".xml"))
 
 
-def build_scene(name: str, robot: str, place: Placement, taken: set[str]) -> Scene:
+def build_scene(name: str, robot: str, place: Placement, taken: set[str], given: list[Element]) -> Scene:
     """Returns a scene with a robot.
 
     Args:
-        name: A name of the library, `none`, or a path.
+        name: A name of the library, `none`, or a path; empty for `given`, else `floor`.
         robot: Name of the robot, which becomes the name of the model.
         place: Where the robot stands.
         taken: Names of asset files of the robot, in lower case.
+        given: Sections of the scene in `<mujoco_inputs>`.
 
     Raises:
         ModelError: There is no such scene, or it cannot be read.
     """
+    if not name and given:
+        scene = Scene(Element("mujoco", model=robot))
+        _include(scene.root)
+        scene.root.extend(given)
+        return scene
+    name = name or DEFAULT
     if name in scene_names():
         return _bundled(name, robot, place)
     if name == NONE:
@@ -97,9 +104,7 @@ def build_scene(name: str, robot: str, place: Placement, taken: set[str]) -> Sce
 
 
 def write_home(root: Element, model: mujoco.MjModel, qpos: np.ndarray, ctrl: np.ndarray) -> None:
-    """Adds the keyframe `home`, unless the scene has one."""
-    if root.find(f"keyframe/key[@name='{HOME}']") is not None:
-        return
+    """Adds the keyframe `home`."""
     keyframe = root.find("keyframe")
     keyframe = SubElement(root, "keyframe") if keyframe is None else keyframe
     attributes = {"name": HOME, "qpos": numbers(qpos)}
@@ -132,7 +137,11 @@ def _bundled(name: str, robot: str, place: Placement) -> Scene:
         position = np.array([float(part) for part in element.get("pos", "0 0 0").split()])
         element.set("pos", numbers(position + offset))
     if name != "obstacles":
-        statistic = {"center": numbers(place.center, 3), "extent": numbers([max(place.extent, _MIN_EXTENT)], 3)}
+        center, extent = np.array(place.center), max(place.extent, _MIN_EXTENT)
+        if name == "tabletop":
+            # Between the robot and the things on the table.
+            center, extent = center + (place.front if place.free else 0.25, 0.0, 0.0), extent + 0.5
+        statistic = {"center": numbers(center, 3), "extent": numbers([extent], 3)}
         root.append(Element("statistic", statistic))
     return Scene(root)
 

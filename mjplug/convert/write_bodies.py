@@ -46,11 +46,8 @@ class BodyWriter:
     materials: Materials
     report: Report
 
-    def write(self, sites: bool) -> Mjcf:
+    def write(self) -> Mjcf:
         """Returns the model with a fixed base and without actuators.
-
-        Args:
-            sites: Whether each link gets a site of its name.
 
         Raises:
             ModelError: The robot has a part that MuJoCo cannot represent.
@@ -62,7 +59,7 @@ class BodyWriter:
             compiler.set("fusestatic", "true")
         mjcf.section("option").attrib.update({"timestep": "0.002", "integrator": "implicitfast"})
         self._write_defaults(mjcf)
-        self._write_link(mjcf, mjcf.section("worldbody"), self.robot.root, None, sites)
+        self._write_link(mjcf, mjcf.section("worldbody"), self.robot.root)
         self._write_masses(mjcf)
         self._write_mimics(mjcf)
         asset = mjcf.section("asset")
@@ -85,8 +82,8 @@ class BodyWriter:
         # If there is nothing else to show, the collision geometry is shown.
         SubElement(collision, "geom", group="3" if shown else "2", density="0")
 
-    def _write_link(self, mjcf: Mjcf, parent: Element, name: str, joint: Joint | None, sites: bool) -> None:
-        stack: list[tuple[Element, str, Joint | None]] = [(parent, name, joint)]
+    def _write_link(self, mjcf: Mjcf, parent: Element, name: str) -> None:
+        stack: list[tuple[Element, str, Joint | None]] = [(parent, name, None)]
         while stack:
             above, link_name, via = stack.pop()
             link = self.robot.links[link_name]
@@ -102,8 +99,6 @@ class BodyWriter:
             if via is not None:
                 self._write_joint(mjcf, body, via)
             self._write_geoms(mjcf, body, link)
-            if sites:
-                SubElement(body, "site", name=link_name, group="4")
             for below in reversed(self.robot.child_joints[link_name]):
                 stack.append((self._place_of(mjcf, body, below), below.child, below))
 

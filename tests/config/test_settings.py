@@ -23,7 +23,7 @@ def test_defaults_are_those_of_the_documentation():
             "self_collision": "auto",
             "srdf": "",
             "gravcomp": "auto",
-            "scene": "floor",
+            "scene": "",
             "mujoco_inputs": (),
             "fuse": False,
             "sites": False,
