@@ -6,9 +6,10 @@ from typing import Any
 import yaml
 
 from mjplug.convert.inputs import Lidar
-from mjplug.convert.robot import Joint, Robot
+from mjplug.convert.robot import Robot
 from mjplug.convert.scene import HOME, SCENE_FILE
 from mjplug.convert.sensors import SensorWriter
+from mjplug.convert.wheels import DriveTrain
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,20 +19,19 @@ class Configuration:
     Attributes:
         robot: The robot.
         free: Whether its root link is free.
-        wheels: Its wheels.
+        train: Its differential drive.
         sensors: Its sensors.
         scans: Lidars that consist of rangefinders.
     """
 
     robot: Robot
     free: bool
-    wheels: list[Joint]
+    train: DriveTrain | None
     sensors: SensorWriter
     scans: list[Lidar]
 
     def plugins(self) -> dict[str, dict[str, Any]]:
         """Returns the plugin instances by name."""
-        drives = self.free and len(self.wheels) >= 2
         result: dict[str, dict[str, Any]] = {
             "joint_state_publisher": {"type": "joint_state_publisher"},
             "joint_commands": {
@@ -42,10 +42,16 @@ class Configuration:
             "transforms": {"type": "transforms"},
             "robot_description": {"type": "robot_description", "file": "robot.urdf"},
         }
-        if drives:
+        if self.free and self.train is not None:
             root = self.robot.root
             result["transforms"]["roots"] = [root]
             result["odometry"] = {"type": "odometry", "body": root, "origin": "start", "publish_tf": True}
+            result["diff_drive"] = {
+                "type": "diff_drive",
+                "body": root,
+                "wheels": list(self.train.wheels),
+                "wheel_radius": self.train.radius,
+            }
         result |= self._sensor_plugins()
         return result
 

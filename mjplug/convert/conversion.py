@@ -33,6 +33,7 @@ from mjplug.convert.rotations import numbers
 from mjplug.convert.scene import HOME, ROBOT_FILE, SCENE_FILE, build_scene, write_home
 from mjplug.convert.sensors import SensorWriter
 from mjplug.convert.source import Source
+from mjplug.convert.wheels import drive_train
 from mjplug.convert.write_bodies import BodyWriter
 from mjplug.errors import ModelError, did_you_mean
 from mjplug.model.packages import Packages
@@ -110,7 +111,7 @@ class _Pipeline:
         self.source, self.options, self.progress = source, options, progress
         self.report = Report()
         for warning in source.warnings:
-            self.report.add("warning", "xacro", source.path.name, warning)
+            self.report.add("warning", "file", source.path.name, warning)
         self.robot: Robot = read_robot(source.root, self.report)
         self.control = read_control(source.root, self.robot, self.report)
         self.gazebo = read_gazebo(source.root, self.robot, self.report)
@@ -147,6 +148,8 @@ class _Pipeline:
         self.progress("measuring", 0.6)
         measured = measure(robot, model, home, options.self_collision == "auto")
         drives = self._write_dynamics(mjcf, model, data, measured, free, disabled)
+        lowest = lowest_points(robot, model, data)
+        train = drive_train(robot, model, data, self.wheels, drives, lowest, report) if free else None
         self.progress("scene", 0.85)
         sensors = self._write_sensors(mjcf)
         place = placement(robot, model, data, free or floating_joint(robot) is not None)
@@ -162,7 +165,7 @@ class _Pipeline:
         model = _from_text(scene.text(), {**files, **assets})
         check_model(robot, model, fused=options.fuse)
         files[DESCRIPTION] = self._description()
-        configuration = Configuration(robot, free, self.wheels, sensors, self.inputs.lidars)
+        configuration = Configuration(robot, free, train, sensors, self.inputs.lidars)
         files[CONFIGURATION] = configuration.text().encode()
         files |= assets
         counts = counts_of(robot, model, drives, len(self.meshes.files))

@@ -30,7 +30,7 @@ class Source:
     Attributes:
         path: The file.
         root: Its `<robot>`.
-        warnings: Warnings of xacro.
+        warnings: Warnings of xacro, and about the file.
     """
 
     path: Path
@@ -64,6 +64,8 @@ def read_source(path: Path, arguments: Mapping[str, str], packages: Packages) ->
             names = ", ".join(arguments)
             raise ModelError(f"{path} does not use xacro, so it has no arguments; these were given: {names}")
         source = Source(path, _parsed(path, text))
+    if not uses_xacro and any("${" in link.get("name", "") for link in source.root.iterfind("link")):
+        source.warnings.append("names contain ${...}, which a launch file usually replaces")
     if source.root.tag != "robot":
         raise ModelError(f"{path} is not a robot description: its root element is <{source.root.tag}>, not <robot>")
     if source.root.find("link") is None:

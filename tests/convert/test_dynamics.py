@@ -3,11 +3,15 @@
 import mujoco
 import numpy as np
 import pytest
+import yaml
 
 from convert.robots import ARM, BALL, BOX, ROVER, at_home, converted, joint, link, notes, robot
 from mjplug.convert.inertia import principal
 from mjplug.convert.report import Report
 from mjplug.convert.robot import Inertial
+from mjplug.testing import World
+from mjplug_plugins.diff_drive import DiffDrive
+from mjplug_schemas.geometry_msgs import Twist, Vector3
 
 LEG = '<cylinder radius="0.03" length="0.3"/>'
 
@@ -127,6 +131,32 @@ def test_wheels_drive_the_rover_at_their_speed(tmp_path):
     mujoco.mj_step(model, data, 1000)
     assert (data.qpos[0] - begin) / 2.0 == pytest.approx(0.4, rel=0.05)
     assert abs(data.qpos[1]) < 0.02
+
+
+def test_a_rover_follows_cmd_vel_and_publishes_odometry(tmp_path):
+    conversion, model = converted(tmp_path, ROVER)
+    plugins = yaml.safe_load(conversion.files["mjplug.yaml"])["plugins"]
+    assert plugins["diff_drive"] == {
+        "type": "diff_drive", "body": "base_link", "wheels": ["left_joint", "right_joint"], "wheel_radius": 0.1,
+    }  # fmt: skip
+    assert plugins["odometry"]["publish_tf"]
+    assert plugins["transforms"]["roots"] == ["base_link"]
+    world = World(model)
+    world.data.qpos[:] = model.key("home").qpos
+    world.add(
+        DiffDrive, "diff_drive", **{name: plugins["diff_drive"][name] for name in ("body", "wheels", "wheel_radius")}
+    )
+    for _ in range(8):
+        world.publish("/cmd_vel", Twist(linear=Vector3(x=0.3), angular=Vector3(z=0.2)))
+        world.loop.step(200)
+    assert world.data.qvel[5] == pytest.approx(0.2, rel=0.15)
+    assert np.hypot(*world.data.qvel[:2]) == pytest.approx(0.3, rel=0.1)
+
+
+def test_wheels_that_are_no_differential_drive_are_reported(tmp_path):
+    conversion, _ = converted(tmp_path, ROVER.replace("right_wheel", "right_mecanum_wheel"))
+    assert "diff_drive" not in conversion.files["mjplug.yaml"].decode()
+    assert "nothing follows cmd_vel" in "\n".join(conversion.report.lines())
 
 
 def test_what_touches_the_floor_beside_the_wheels_slides(tmp_path):
