@@ -49,7 +49,7 @@ def open_page(browser, running):
         context.set_default_timeout(1000 * live.PATIENCE)
         page = context.new_page()
         errors, requests = [], []
-        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("pageerror", lambda error: errors.append(error.stack))
         page.on("request", lambda request: requests.append(request.url))
         page.goto(url)
         contexts.append((context, url, errors, requests))
