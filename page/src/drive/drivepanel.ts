@@ -175,6 +175,7 @@ export class DrivePanel {
     if (entry === undefined) return null;
     if (!this.#target.value.startsWith(JOINT_MODE)) return new Base(this.app, entry, this.limits);
     const commands = this.joints.commandsOf(entry);
+    this.joints.driven = true;
     const joint = (): JointInfo => this.joints.movable.find(({ name }) => name === this.#joint.value)!;
     return new Jog(commands, joint, () => this.joints.jogSpeed);
   }
@@ -194,6 +195,7 @@ export class DrivePanel {
 
   #describe(): void {
     const { armed, direction } = this.#teleop;
+    if (!armed) this.joints.driven = false;
     const joint = this.#target.value.startsWith(JOINT_MODE);
     this.#joint.element.hidden = !joint;
     this.#baseOptions.hidden = joint;

@@ -1,5 +1,5 @@
 import type { App } from "../app.ts";
-import type { JointInfo, TopicEntry } from "../wire/protocol.ts";
+import type { Info, JointInfo, TopicEntry } from "../wire/protocol.ts";
 import type { Direction } from "./keymap.ts";
 import { RATE, type Target } from "./teleop.ts";
 
@@ -56,4 +56,18 @@ export class Jog implements Target {
   stop(): void {
     this.#target = null;
   }
+}
+
+/** Returns the hinges and slides of a model: those with an actuator, and the others. */
+export function commandable({ joints, actuators }: Info): { actuated: JointInfo[]; others: JointInfo[] } {
+  const moving = joints.filter(({ name, type }) => name !== "" && (type === "hinge" || type === "slide"));
+  const driven = new Set<string>();
+  for (const { name, joint } of actuators) {
+    driven.add(name);
+    if (typeof joint === "number") driven.add(joints[joint]?.name ?? "");
+  }
+  const actuated = moving.filter(({ name }) => driven.has(name));
+  // Servers before this page do not report the joints of actuators.
+  if (actuated.length === 0) return { actuated: moving, others: [] };
+  return { actuated, others: moving.filter(({ name }) => !driven.has(name)) };
 }

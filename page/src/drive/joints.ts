@@ -1,13 +1,13 @@
 import type { App } from "../app.ts";
-import { button, select, slider, toggle, type Slider } from "../interface/controls.ts";
+import { select, slider, toggle, type Slider } from "../interface/controls.ts";
 import { element, setText } from "../interface/element.ts";
 import { fixed } from "../interface/format.ts";
 import type { InterfaceList } from "../topics/interfaces.ts";
 import { type Live, samples } from "../topics/live.ts";
 import type { JointState } from "../topics/messages.ts";
 import type { Info, JointInfo, TopicEntry } from "../wire/protocol.ts";
-import { Jog, JointCommands, jointRange } from "./jog.ts";
-import { RATE } from "./teleop.ts";
+import { commandable, Jog, JointCommands, jointRange } from "./jog.ts";
+import { jogButton } from "./jogbutton.ts";
 
 const JOINT_STATE = "sensor_msgs/msg/JointState";
 /** Repetition of the positions while they are held [ms]. */
@@ -37,7 +37,9 @@ export class JointPanel {
   #live: Live | null = null;
   #states = "";
   #open = false;
+  #driven = false;
   #hold = false;
+  #shape = "";
   /** Positions to hold; those that the user has set since "hold" is on. */
   readonly #held = new Map<string, number>();
 
@@ -103,9 +105,13 @@ export class JointPanel {
       commands = new JointCommands(this.app, topic);
       this.#commands.set(topic.name, commands);
     }
-    // Jogging starts at the measured position.
-    this.#measure(true);
     return commands;
+  }
+
+  /** Says whether a joint is driven; that starts at its measured position. */
+  set driven(on: boolean) {
+    this.#driven = on;
+    this.#measure();
   }
 
   #topic(): TopicEntry | undefined {
@@ -120,7 +126,7 @@ export class JointPanel {
   #toggle(open: boolean): void {
     this.#open = open;
     this.interfaces.use(this, open);
-    this.#measure(open);
+    this.#measure();
     if (open) this.#rebuild();
     else this.#held.clear();
   }
@@ -135,16 +141,15 @@ export class JointPanel {
     this.#shape = shape;
     this.#rebuild();
   }
-  #shape = "";
 
   /** Subscribes to measured positions while the panel is open or a joint is driven. */
-  #measure(on: boolean): void {
+  #measure(): void {
     const server = this.#topic()?.server;
     const states = this.interfaces.topics.find(
       (topic) =>
         topic.type === JOINT_STATE && topic.publishers > 0 && (server === undefined || topic.server === server),
     );
-    const name = on ? (states?.name ?? "") : "";
+    const name = this.#open || this.#driven ? (states?.name ?? "") : "";
     if (name === this.#states) return;
     this.#live?.close();
     this.#states = name;
@@ -230,7 +235,7 @@ export class JointPanel {
     if (topic === undefined) return;
     if (this.#hold && this.#open) this.commandsOf(topic).send(this.#held);
     if (!this.#open) return;
-    this.#measure(true);
+    this.#measure();
     const { measured } = this.commandsOf(topic);
     if (!this.app.source.readOnly) setText(this.#hint, this.#states === "" ? UNMEASURED : "");
     for (const { joint, slider: control, measured: text, scale, unit } of this.#sliders) {
@@ -239,50 +244,4 @@ export class JointPanel {
       if (position !== undefined && !this.#held.has(joint.name)) control.value = scale * position;
     }
   }
-}
-
-/** Returns the hinges and slides of a model: those with an actuator, and the others. */
-function commandable({ joints, actuators }: Info): { actuated: JointInfo[]; others: JointInfo[] } {
-  const moving = joints.filter(({ name, type }) => name !== "" && (type === "hinge" || type === "slide"));
-  const driven = new Set<string>();
-  for (const { name, joint } of actuators) {
-    driven.add(name);
-    if (typeof joint === "number") driven.add(joints[joint]?.name ?? "");
-  }
-  const actuated = moving.filter(({ name }) => driven.has(name));
-  // Servers before this page do not report the joints of actuators.
-  if (actuated.length === 0) return { actuated: moving, others: [] };
-  return { actuated, others: moving.filter(({ name }) => !driven.has(name)) };
-}
-
-/** A button that moves a joint while it is held. */
-function jogButton(text: string, label: string, x: number, jog: Jog): HTMLElement {
-  const created = button({ text, label, className: "jog", run: () => undefined }).element;
-  created.setAttribute("aria-label", label);
-  let timer: ReturnType<typeof setInterval> | undefined;
-  const end = () => {
-    if (timer === undefined) return;
-    clearInterval(timer);
-    timer = undefined;
-    jog.stop();
-  };
-  const begin = () => {
-    end();
-    const step = () => (document.hidden || !created.isConnected ? end() : jog.send({ x, y: 0, yaw: 0 }));
-    timer = setInterval(step, 1000 / RATE);
-    step();
-  };
-  created.addEventListener("pointerdown", (event) => {
-    created.setPointerCapture(event.pointerId);
-    begin();
-  });
-  for (const name of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) created.addEventListener(name, end);
-  created.addEventListener("keydown", (event) => {
-    if (event.key !== "Enter" && event.key !== " ") return;
-    event.preventDefault();
-    if (!event.repeat) begin();
-  });
-  created.addEventListener("keyup", end);
-  window.addEventListener("blur", end);
-  return created;
 }
