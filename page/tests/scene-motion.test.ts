@@ -76,3 +76,11 @@ test("orientations turn along the shorter way and keep their length", () => {
   assert.ok(Math.abs(angle - Math.PI / 4) < 1e-6);
   assert.ok(Math.abs(Math.hypot(...mixed.slice(3)) - 1) < 1e-6);
 });
+
+test("frames that arrive before anything is shown jump to the newest", () => {
+  const motion = new Motion();
+  motion.push(frame(0, 0), 10, true);
+  motion.push(frame(1, 0.02), 10.02, true);
+  assert.equal(shown(motion, 10.025), 1);
+  assert.equal(motion.moving, false);
+});

@@ -43,8 +43,10 @@ export class Motion {
     const last = this.frame;
     this.frame = frame;
     const gap = last === null ? 0 : frame.wallTime - last.wallTime;
+    // Two frames may come before the first one has been shown; there is nothing to move from then.
     const continuous =
       last !== null &&
+      this.#shown.length > 0 &&
       frame.epoch === last.epoch &&
       frame.time > last.time &&
       frame.bodies.length === last.bodies.length &&
