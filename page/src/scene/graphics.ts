@@ -21,24 +21,38 @@ export interface Graphics {
   readonly anisotropy: number;
 }
 
-/** Returns the graphics card, or null if the browser has no WebGL. */
-export function openGraphics(canvas: HTMLCanvasElement): Graphics | null {
+/**
+ * Returns the graphics card, or null if the browser has no WebGL.
+ *
+ * @param smooth - Whether to smooth edges even without a graphics card, where that takes as long as everything else.
+ */
+export function openGraphics(canvas: HTMLCanvasElement, smooth: boolean): Graphics | null {
+  const name = rendererName();
+  if (name === null) return null;
+  const software = isSoftware(name);
   let renderer: WebGLRenderer;
   try {
-    renderer = new WebGLRenderer({ canvas, antialias: true, stencil: false, powerPreference: "high-performance" });
+    renderer = new WebGLRenderer({ canvas, antialias: smooth || !software, powerPreference: "high-performance" });
   } catch {
     return null;
   }
   renderer.outputColorSpace = LinearSRGBColorSpace;
   renderer.info.autoReset = false;
-  const gl = renderer.getContext();
-  const extension = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = String(gl.getParameter(extension?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
-  const software = isSoftware(name);
   renderer.shadowMap.enabled = !software;
   renderer.shadowMap.type = PCFShadowMap;
   const anisotropy = software ? 1 : Math.min(ANISOTROPY, renderer.capabilities.getMaxAnisotropy());
   return { renderer, name, software, anisotropy };
+}
+
+/** Returns the name of the graphics card. Edges are smoothed or not when a canvas is opened, so another one is asked. */
+function rendererName(): string | null {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (gl === null) return null;
+  const extension = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = String(gl.getParameter(extension?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
+  // A browser keeps only few contexts.
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
 /** Returns whether a renderer draws with the processor. */

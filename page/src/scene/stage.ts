@@ -50,7 +50,7 @@ export class Stage {
   ) {
     container.append(this.canvas, this.#message);
     this.canvas.tabIndex = 0;
-    this.#graphics = openGraphics(this.canvas);
+    this.#graphics = openGraphics(this.canvas, new URLSearchParams(location.search).has("smooth"));
     if (this.#graphics === null) {
       this.#say("This browser offers no WebGL 2, so the scene cannot be drawn. Everything else on this page works.");
     }

@@ -59,6 +59,10 @@ export class Viewpoint {
     const narrow = Math.atan(Math.tan(half) * Math.min(1, this.camera.aspect));
     const distance = (MARGIN * radius) / Math.sin(narrow);
     const direction = this.camera.position.clone().sub(this.controls.target).normalize();
+    // What is fitted may be larger than the model says.
+    const reach = 2 * (distance + radius);
+    if (reach > this.camera.far) this.#lens(this.camera.fov, this.camera.near, reach);
+    this.controls.maxDistance = Math.max(this.controls.maxDistance, reach);
     this.controls.target.copy(center);
     this.camera.position.copy(center).addScaledVector(direction, Math.max(distance, this.controls.minDistance));
     this.controls.update();
