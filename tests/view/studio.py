@@ -70,7 +70,7 @@ class Server:
 class Studio:
     """The page and the other end of its WebSocket."""
 
-    def __init__(self, browser, servers, size=(640, 480), scheme="dark"):
+    def __init__(self, browser, servers, size=(900, 560), scheme="dark"):
         self.servers = list(servers)
         self.requests = []
         self.foreign = []
