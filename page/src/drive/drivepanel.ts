@@ -20,7 +20,7 @@ const JOINT_MODE = "joints ";
 export class DrivePanel {
   readonly limits: Limits;
   readonly #teleop: Teleop;
-  readonly #target = select({ label: "Drive", options: [], change: () => this.#teleop.disarm() });
+  readonly #target = select({ label: "Drive", options: [], change: () => this.#changed() });
   readonly #joint = select({ label: "Joint", options: [], change: () => this.#teleop.release() });
   readonly #arm: Button;
   readonly #status = element("p", { className: "hint drive-status" });
@@ -117,6 +117,13 @@ export class DrivePanel {
     window.addEventListener("pagehide", () => this.#teleop.disarm());
     source.listen({
       onState: ({ connected }) => connected || this.#teleop.disarm(),
+      onInfo: () => this.#refresh(),
+      // For example, the access rules of the server forbid to drive.
+      onError: (sentence) => {
+        if (!this.#teleop.armed) return;
+        this.#teleop.disarm();
+        this.app.shell.notice(sentence, "error");
+      },
       onServers: (servers) => {
         const server = this.#entry()?.server;
         if (servers.some(({ id, connected }) => id === server && !connected)) this.#teleop.disarm();
@@ -155,6 +162,12 @@ export class DrivePanel {
         : null;
     for (const control of [this.#target, this.#arm]) control.disable(reason);
     this.#joint.set(this.joints.movable.map(({ name }) => ({ value: name, text: name })));
+    this.#describe();
+  }
+
+  /** Another target was chosen. */
+  #changed(): void {
+    this.#teleop.disarm();
     this.#describe();
   }
 

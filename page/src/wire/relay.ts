@@ -186,6 +186,7 @@ export class Relay implements Source {
       message.ok ? pending?.resolve(message.response) : pending?.reject(new Error(message.error));
     } else {
       console.warn(message.error);
+      for (const listener of this.#listeners) listener.onError?.(message.error);
     }
   }
 

@@ -10,6 +10,8 @@ export interface SourceListener {
   onFrame?(server: number, payload: DataView<ArrayBuffer>): void;
   /** The bytes of `@view/overlay/<kind>`. */
   onOverlay?(server: number, kind: string, payload: DataView<ArrayBuffer>): void;
+  /** A message that needs no answer, such as a published one, was refused; one sentence says why. */
+  onError?(sentence: string): void;
 }
 
 export interface SourceState {

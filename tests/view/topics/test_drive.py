@@ -13,6 +13,8 @@ from view.topics.robot import open_panel
 
 from mjplug_schemas.geometry_msgs import Twist
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
 
 def arm(page):
     panel = open_panel(page, "Drive")
@@ -72,6 +74,23 @@ def test_a_joint_moves_while_its_button_is_held(robot, page):
     stopped = robot.joint("shoulder")
     page.wait_for_timeout(500)
     assert abs(robot.joint("shoulder") - stopped) < 0.02
+
+
+def test_keys_jog_a_joint_while_armed(robot, page):
+    panel = open_panel(page, "Drive")
+    panel.get_by_label("Drive", exact=True).select_option(label="a joint: /arm/joint_commands")
+    panel.get_by_label("Joint", exact=True).select_option("shoulder")
+    panel.get_by_role("button", name="Arm", exact=True).click()
+    until(lambda: robot.subscribed("joint_states"))
+    before = robot.joint("shoulder")
+    page.keyboard.down("ArrowDown")
+    until(lambda: robot.joint("shoulder") < before - 0.2)
+    page.keyboard.up("ArrowDown")
+    stopped = until(lambda: robot.joint("shoulder"))
+    page.wait_for_timeout(500)
+    assert abs(robot.joint("shoulder") - stopped) < 0.05
+    page.keyboard.press("Escape")
+    until(lambda: not robot.subscribed("joint_states"))
 
 
 def test_nothing_is_repeated_unless_hold_is_on(robot, page):

@@ -10,6 +10,8 @@ from view.topics.robot import drawn, open_panel, points, show, status
 
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
 LIMITS = np.array([3.0, 2.0])
 """Distances of the inner faces of the walls from the middle of the room [m]."""
 

@@ -3,9 +3,12 @@
 import csv
 import io
 
+import pytest
 from playwright.sync_api import expect
 from view.interface.live import PATIENCE, until
 from view.topics.robot import open_panel
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 def add_plot(page, topic, *paths):
