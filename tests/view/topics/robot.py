@@ -1,6 +1,7 @@
 """A mobile base with a lidar, a camera and an arm, in a room with walls at known places."""
 
 import numpy as np
+import zenoh
 from view.interface.live import PATIENCE, until
 
 from mjplug.client import connect
@@ -111,8 +112,9 @@ class Robot:
 
     def subscribed(self, key):
         """Whether anybody but the test subscribes to a topic."""
-        with self.client.session.declare_publisher(key) as publisher:
-            return until(lambda: publisher.matching_status) and publisher.matching_status.matching
+        remote = zenoh.Locality.REMOTE
+        with self.client.session.declare_publisher(key, allowed_destination=remote) as publisher:
+            return publisher.matching_status.matching
 
 
 def open_panel(page, title):
