@@ -48,7 +48,12 @@ class Command:
         connecting = (
             self.words[1] in ("topic", "service", "node", "param", "sim", "top", "teleop") or "--quick" in self.words
         )
-        return self.words[0] == "mjplug" and connecting
+        return self.words[0] == "mjplug" and (connecting or self.words[1] == "view")
+
+    @property
+    def shows(self) -> bool:
+        """Whether it serves the page until it is stopped."""
+        return self.words[:2] == ["mjplug", "view"] and not {"--duration", "--help"} & {*self.words}
 
     @property
     def serves(self) -> bool:
@@ -142,6 +147,12 @@ class Reader:
             self.servers[line] = self._start(Command.parse(line), as_it_is)
         return self.servers[line]
 
+    def view(self, line: str, endpoint: str) -> str:
+        """Starts the view of a server, on a free port and without a browser; returns what it has printed."""
+        command = Command.parse(f"{line} --port 0 --no-open")
+        self.servers[line] = self._start(command, as_it_is=True, endpoint=endpoint)
+        return self.servers[line].printed
+
     def leave(self) -> None:
         """Stops the servers with Ctrl-C, after which each must end well."""
         for server in self.servers.values():
@@ -153,13 +164,13 @@ class Reader:
         self.servers.clear()
         assert not any(codes.values()), codes
 
-    def _start(self, command: Command, as_it_is: bool) -> Server:
+    def _start(self, command: Command, as_it_is: bool, endpoint: str | None = None) -> Server:
         program, *words = command.words if as_it_is else self._local(command)
         process = warm_python.popen(
             (sys.executable, "-m", program),
             words,
             cwd=self.folder,
-            env=_environment(command),
+            env=_environment(command, endpoint),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )

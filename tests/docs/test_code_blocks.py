@@ -168,6 +168,8 @@ def test_commands_run_and_print_the_documented_output(story, reader_of):
         assert code == 0, f"{story.block.name}: exit code {code}\n{printed}"
         if command.serves:
             printed += reader.server(line).printed
+        elif command.shows:
+            printed += reader.view(line, reader.server(story.server).endpoint)
         elif program == "mjplug":
             done = reader.run(command, reader.server(story.server).endpoint if command.talks else None)
             printed += done.stdout
