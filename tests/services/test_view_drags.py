@@ -203,3 +203,20 @@ def test_more_viewers_than_the_maximum_are_refused(lab, caplog):
             lab.drag(f"viewer{index}", "ball", (2.0, 0.0, 1.5))
     assert "64 viewers hold bodies, which is the maximum" in caplog.text
     assert np.isfinite(lab.force("ball")).all()
+
+
+def test_viewers_that_leave_add_no_work_to_the_physics_thread_unless_they_hold_a_body(lab):
+    for number in range(1000):
+        lab.left(f"mjplug/@view/viewer/other{number}")
+    assert lab.loop.inbox.waiting == 0
+    lab.drag()
+    for _ in range(1000):
+        lab.left("mjplug/@view/viewer/ann")
+    assert lab.loop.inbox.waiting == 1
+    assert not lab.force().any()
+
+
+def test_a_viewer_that_leaves_at_once_holds_nothing(lab):
+    lab._receive(json.dumps({"viewer": "ann", "body": "box", "target": [1, 0, 1]}).encode())
+    lab.left("mjplug/@view/viewer/ann")
+    assert not lab.force().any()

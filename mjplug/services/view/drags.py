@@ -52,6 +52,8 @@ class Drags:
         self._springs: tuple[BodySpring, ...] = ()
         # The newest message of each viewer; Zenoh's threads add, the physics thread takes.
         self._arrived: dict[str, DragMessage] = {}
+        # Viewers that have disconnected, after their messages.
+        self._gone: set[str] = set()
         self._posted = False
         self._refusals = Throttle(_REPORT_INTERVAL)
         self._timer = loop.wall_timers.create(self._check)
@@ -71,14 +73,14 @@ class Drags:
             return
         if len(self._arrived) < MAX_VIEWERS or message.viewer in self._arrived:
             self._arrived[message.viewer] = message
-            # One call for any number of messages, so that a flood does not fill the inbox.
-            if not self._posted:
-                self._posted = True
-                self._loop.inbox.post(self._handle_arrived)
+            self._post()
 
     def left(self, viewer: str) -> None:
         """Lets go for a viewer that has disconnected. Any thread."""
-        self._loop.inbox.post(lambda: self._release(viewer))
+        # Any client may declare tokens; those of viewers that hold nothing do not matter.
+        if viewer in self._holds or viewer in self._arrived:
+            self._gone.add(viewer)
+            self._post()
 
     def update(self) -> None:
         """Adds the forces of all springs."""
@@ -97,6 +99,12 @@ class Drags:
         self._holds.clear()
         self._springs = ()
 
+    def _post(self) -> None:
+        """Lets the physics thread handle what has arrived, with one call for any number of messages. Any thread."""
+        if not self._posted:
+            self._posted = True
+            self._loop.inbox.post(self._handle_arrived)
+
     def _handle_arrived(self) -> None:
         # Before the messages are taken, so that one that arrives meanwhile is posted again.
         self._posted = False
@@ -109,6 +117,9 @@ class Drags:
                 self._hold(message)
             except RequestError as error:
                 self._refused(str(error))
+        for viewer in tuple(self._gone):
+            self._gone.discard(viewer)
+            self._release(viewer)
 
     def _hold(self, message: DragMessage) -> None:
         hold = self._holds.get(message.viewer)
