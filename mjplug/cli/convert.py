@@ -179,7 +179,8 @@ def _say_report(conversion: "Conversion", options: "ConversionOptions") -> None:
         _counted(counts["links"], "link"),
         _counted(counts["joints"], "moving joint"),
         *(_counted(counts[kind], name) for kind, name in kinds.items() if counts[kind]),
-        *(f"{counts[name]} {name}" for name in ("sensors", "cameras", "meshes") if counts[name]),
+        *(_counted(counts[f"{name}s"], name) for name in ("sensor", "camera") if counts[f"{name}s"]),
+        *([f"{counts['meshes']} mesh{'' if counts['meshes'] == 1 else 'es'}"] if counts["meshes"] else []),
         "free base" if conversion.free else "fixed base",
     ]
     for line in conversion.report.lines():

@@ -10,7 +10,7 @@ PAGES = {path.name: path for path in [ROOT / "README.md", *sorted((ROOT / "docs"
 
 _FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,}) *(?P<info>.*)")
 _NAMED = re.compile(r"(?:\w+ )?([\w-]+\.(?:json5|txt))")
-_FILE_NAME = re.compile(r"# ([\w./-]+\.(?:py|ya?ml|toml))\b")
+_FILE_NAME = re.compile(r"(?:#|<!--) ([\w./-]+\.(?:py|ya?ml|toml|xml|urdf\.xacro|urdf))\b")
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from xml.etree import ElementTree
 
 import pytest
 import zenoh
@@ -12,7 +13,7 @@ from machine import need_program
 
 from mjplug.config.load import read
 from mjplug.config.problem import ConfigError
-from mjplug.model.file import load_model
+from mjplug.convert.load import load_model
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin.registry import GROUP
 from mjplug.plugin.selection import select
@@ -64,7 +65,7 @@ def of(language: str) -> pytest.MarkDecorator:
 
 
 def test_every_block_is_of_a_kind_that_is_executed_here():
-    known = {"python", "yaml", "toml", "json", "text", "console", "output", "bash", "ini"}
+    known = {"python", "yaml", "toml", "json", "text", "console", "output", "bash", "ini", "xml"}
     read_only = {"other-languages.md": {"rust", "c", "javascript"}}
     others = [
         f"{story.block.name}: {story.block.language!r}"
@@ -130,6 +131,12 @@ def test_json_blocks_are_valid(story):
 def test_a_text_is_a_file_that_other_blocks_need(story):
     assert story.block.file
     assert any(story.block.file in other.text for other in blocks_of(story.page) if other is not story.block)
+
+
+@of("xml")
+def test_a_robot_is_a_file_that_other_blocks_need(story):
+    test_a_text_is_a_file_that_other_blocks_need(story)
+    ElementTree.fromstring(story.block.text)
 
 
 @pytest.mark.parametrize("language", ["rust", "c", "javascript"])
