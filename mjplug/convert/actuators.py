@@ -94,7 +94,10 @@ class DriveRules:
         if joint.mimic is not None or wanted == "none":
             return None
         if self.control.is_passive(joint.name):
-            return None
+            # A joint that others follow is the motor of a gripper, which some files do not list.
+            leads = any(other.mimic and other.mimic.joint == joint.name for other in self.robot.scalar_joints)
+            if not leads or joint.name in self.control.named:
+                return None
         kind = self.control.kinds.get(joint.name)
         if kind is not None:
             return kind if wanted == "auto" else wanted

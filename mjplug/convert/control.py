@@ -25,7 +25,7 @@ class Control:
         source: Where this comes from: `ros2_control`, `transmission`, `some transmissions`, or empty if the URDF has
             neither.
         kinds: The kind of actuator of each driven joint.
-        named: Joints with a transmission, also the passive ones.
+        named: Joints that the URDF names, also the passive ones.
         initial: Initial positions [rad, m].
         reductions: Mechanical reductions of simple transmissions other than 1.
         sensors: The `<sensor>` elements of `<ros2_control>`.
@@ -70,6 +70,7 @@ def _read_joint(element: Element, robot: Robot, control: Control, report: Report
     if name not in robot.joints:
         report.add("warning", "<ros2_control> names a joint that does not exist", name)
         return
+    control.named.add(name)
     commands = [found.get("name", "") for found in element.findall("command_interface")]
     if commands:
         control.source = "ros2_control"

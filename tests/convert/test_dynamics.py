@@ -195,6 +195,17 @@ def test_joints_that_ros2_control_does_not_name_are_passive(tmp_path):
     assert model.nu == 1
 
 
+def test_a_joint_that_others_follow_is_driven_unless_it_is_listed_as_passive(tmp_path):
+    fingers = link("finger", 0.2) + link("thumb", 0.2)
+    fingers += joint("grip", "tool0", "finger") + joint("other", "tool0", "thumb", more='<mimic joint="grip"/>')
+    text = ARM.replace("</robot>", f"{fingers}{CONTROL.format(elbow=ELBOW.format('position'))}</robot>")
+    conversion, _ = converted(tmp_path, text)
+    assert kinds(conversion) == {"shoulder": "position", "elbow": "position", "grip": "position", "other": None}
+    passive = '<joint name="grip"><state_interface name="position"/></joint></ros2_control>'
+    conversion, _ = converted(tmp_path, text.replace("</ros2_control>", passive))
+    assert kinds(conversion)["grip"] is None
+
+
 def transmission(name, interface):
     return (
         f'<transmission name="t_{name}"><type>transmission_interface/SimpleTransmission</type><joint name="{name}">'
