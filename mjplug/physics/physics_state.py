@@ -14,6 +14,14 @@ Array = NDArray[np.float64]
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
+_BEFORE_HISTORY = int(
+    mujoco.mjtState.mjSTATE_TIME
+    | mujoco.mjtState.mjSTATE_QPOS
+    | mujoco.mjtState.mjSTATE_QVEL
+    | mujoco.mjtState.mjSTATE_ACT
+)
+"""The parts of a state vector before the buffers of delayed actuators and sensors."""
+
 _IN_VECTOR = frozenset(
     {
         "qpos",
@@ -183,12 +191,9 @@ def _check_asleep(model: mujoco.MjModel, asleep: NDArray[np.int32]) -> None:
 
 def _check_history(model: mujoco.MjModel, vector: Array) -> None:
     """Checks the positions in the buffers of delayed actuators and sensors, which MuJoCo uses as indices."""
-    if not getattr(model, "nhistory", 0):
-        return
-    data = mujoco.MjData(model)
-    mujoco.mj_setState(model, data, vector, _STATE)
+    history = vector[mujoco.mj_stateSize(model, _BEFORE_HISTORY) :]
     for kind, count, begin in _buffers(model):
-        _require(float(data.history[begin + 1]) in range(count), f"the buffer of a delayed {kind} is invalid")
+        _require(float(history[begin + 1]) in range(count), f"the buffer of a delayed {kind} is invalid")
 
 
 def _shift(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:

@@ -10,12 +10,15 @@ import sys
 import threading
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from state_worlds import StateWorld
+from joint_robots import compiled
+from state_worlds import StateWorld, scene
 
 from mjplug.errors import RequestError
+from mjplug.physics import physics_state
 from mjplug.services.states import file_thread, state_files
 from mjplug.services.states.state_files import StateFiles, decode, encode
 from mjplug_schemas.mjplug_msgs import ListStates, RestoreState, SaveState
@@ -126,6 +129,52 @@ def test_an_invalid_header_is_refused(saved, change, reason):
 )
 def test_invalid_members_are_refused(saved, members, reason):
     assert reason in restore(saved, changed(saved.content, **members)).refusal
+
+
+def with_vector(content, change):
+    """The content with another state vector, and its digest."""
+    with np.load(io.BytesIO(content)) as found:
+        vector = found["vector"].copy()
+    change(vector)
+    digest = physics_state.digest(vector)
+    return changed(content, lambda header: header.update(digest=digest), vector_npy=array(vector))
+
+
+def test_indices_in_the_state_are_checked_before_mujoco_uses_them(saved):
+    begin = 1 + saved.model.nq + saved.model.nv + saved.model.na
+    assert saved.model.nhistory
+    for cursor in (-1.0, 9.0, 1e300, 0.5, np.nan):
+        content = with_vector(saved.content, lambda v, cursor=cursor: v.__setitem__(begin + 1, cursor))
+        assert "the buffer of a delayed actuator is invalid" in restore(saved, content).refusal
+    content = with_vector(saved.content, lambda v: v.__setitem__(begin + 1, 3.0))
+    assert restore(saved, content).refusal is None
+    content = with_vector(saved.content, lambda v: v.__setitem__(0, np.inf))
+    assert "its time is not finite" in restore(saved, content).refusal
+
+
+@pytest.mark.parametrize("asleep", [[1, 1, 1, 1, 1, 1], [9, 0, 0, 0, 0, 0], [-5000] * 6, [0, 2, 1, 3, 5, 4][::-1][:6]])
+def test_chains_of_sleeping_bodies_are_checked(tmp_path, asleep):
+    world = StateWorld(tmp_path, model=compiled(scene(sleep=True)), plugins=False)
+    world.folder, world.wrench = tmp_path, SimpleNamespace(_active=())
+    world.save(file=True)
+    content = changed((tmp_path / "s.npz").read_bytes(), asleep_npy=array(np.array(asleep, np.int32)))
+    call = restore(world, content)
+    if sorted(asleep) == list(range(6)):
+        assert call.refusal is None
+        world.step(100)
+    else:
+        assert "tree_asleep is invalid" in call.refusal
+    world.close()
+
+
+def test_a_state_of_nan_is_a_divergence_like_any_other(saved):
+    content = with_vector(saved.content, lambda v: v.__setitem__(1, np.nan))
+    assert restore(saved, content).refusal is None
+    saved.step(5)
+    assert saved.loop.recovery.count > 0
+    saved.restore(file=True)
+    saved.step(5)
+    assert saved.loop.failure is None
 
 
 def test_an_array_larger_than_its_content_takes_no_memory(saved):
@@ -307,7 +356,8 @@ FULL = """
 import sys
 sys.path[:0] = {path!r}
 from pathlib import Path
-from state_worlds import StateWorld
+from joint_robots import compiled
+from state_worlds import StateWorld, scene
 from mjplug_schemas.mjplug_msgs import SaveState
 folder = Path({folder!r})
 world = StateWorld(folder, plugins=False)
