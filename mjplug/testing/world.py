@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeVar
 
 import mujoco
 
+from mjplug import __version__
 from mjplug.contracts.diagnostics import Diagnostics
 from mjplug.convert.load import load_model
 from mjplug.physics.loop import Loop
@@ -15,6 +16,8 @@ from mjplug.physics.simulation import Simulation
 from mjplug.plugin import Host, Plugin
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.server.local_calls import LocalCall
+from mjplug.services.states.keeper import Keeper
+from mjplug.services.states.saved_state import SavedState
 from mjplug.testing.transport import FakeTransport
 from mjplug.testing.workers import InlineWorkerPool
 from mjplug_schemas.message import Message
@@ -146,6 +149,24 @@ class World:
     def reset(self) -> None:
         """Resets the world, as a request to `~/reset_world` does."""
         self.loop.reset(Reset())
+
+    def save(self) -> SavedState:
+        """Returns the state of the simulation and its plugins, as a request to `~/save_state` saves it."""
+        return self._keeper().save()
+
+    def restore(self, state: SavedState) -> None:
+        """Restores a state of `save`, as a request to `~/restore_state` with `strict` does.
+
+        Args:
+            state: The state, also of another world with the same model and plugins.
+
+        Raises:
+            RequestError: The state does not fit, or a plugin does not save or restore its state.
+        """
+        self._keeper().restore(state, strict=True)
+
+    def _keeper(self) -> Keeper:
+        return Keeper(self.loop, 0, __version__)
 
     def call(self, name: str, request: Message | None = None, **parameters: str) -> LocalCall:
         """Sends a request to a service, which handles it at once, without a step.

@@ -1,4 +1,5 @@
 from fractions import Fraction
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -340,3 +341,91 @@ def test_an_owner_can_end_its_own_requests_only():
     scheduler.run_due(10)
     assert mine.refusals == ["switched off"]
     assert other.responses == [String()]
+
+
+def test_an_alarm_fires_once_at_its_step_before_requests_that_came_later():
+    steps = [0]
+    scheduler = Scheduler(lambda: steps[0])
+    order = []
+    alarm = scheduler.alarm(lambda: order.append(("alarm", steps[0])))
+
+    def wait():
+        yield 5
+        order.append(("request", steps[0]))
+
+    answer = SimpleNamespace(respond=lambda response: None, refuse=lambda reason: None)
+    scheduler.start(wait(), answer)
+    alarm.set(5)
+    assert scheduler.next_due == 5
+    for step in range(1, 8):
+        steps[0] = step
+        scheduler.run_due(step)
+    assert order == [("alarm", 5), ("request", 5)]
+
+
+def test_an_alarm_can_be_set_again_and_stopped():
+    scheduler, fired = Scheduler(lambda: 0), []
+    alarm = scheduler.alarm(lambda: fired.append(True))
+    alarm.set(3)
+    alarm.stop()
+    # Twice the same entry in the heap.
+    alarm.set(3)
+    scheduler.run_due(3)
+    assert fired == [True]
+    alarm.set(10)
+    alarm.set(6)
+    scheduler.run_due(6)
+    assert fired == [True, True]
+    scheduler.run_due(10)
+    assert fired == [True, True]
+    alarm.set(12)
+    alarm.set(20)
+    scheduler.run_due(12)
+    assert fired == [True, True]
+
+
+def test_alarms_survive_a_reset_and_a_restore():
+    scheduler, fired = Scheduler(lambda: 0), []
+    alarm = scheduler.alarm(lambda: fired.append(True))
+    alarm.set(9)
+    scheduler.rephase(4)
+    scheduler.restore(2, {})
+    assert scheduler.next_due == 9
+    scheduler.run_due(9)
+    assert fired == [True]
+
+
+def test_timers_continue_their_phases_and_others_start_anew():
+    scheduler, fired = Scheduler(lambda: 0), []
+    one = scheduler.every(Fraction(10), lambda: fired.append("one"), 0)
+    scheduler.every(Fraction(10), lambda: fired.append("two"), 0)
+    scheduler.run_due(10)
+    fired.clear()
+    scheduler.restore(104, {one: (96, False)})
+    for step in range(104, 117):
+        scheduler.run_due(step)
+    assert fired == ["one", "two", "one"]
+    # A firing at the present step that has not happened yet.
+    fired.clear()
+    scheduler.restore(50, {one: (40, True)})
+    scheduler.run_due(50)
+    assert fired == ["one"]
+
+
+def test_a_request_that_cancels_all_others_is_not_refused_itself():
+    scheduler, answers = Scheduler(lambda: 0), []
+
+    def wait():
+        yield 10
+        return "never"
+
+    def cancel():
+        scheduler.cancel("cancelled: a test")
+        return "done"
+        yield
+
+    for handler in (wait, cancel):
+        answer = SimpleNamespace(respond=answers.append, refuse=answers.append)
+        scheduler.start(handler(), answer)
+    assert answers == ["cancelled: a test", "done"]
+    assert scheduler.waiting == 0

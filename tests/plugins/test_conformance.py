@@ -48,6 +48,19 @@ def test_its_parameters_are_frozen_and_refuse_unknown_names(plugin_class):
         parameters(**REQUIRED.get(plugin_class.__name__, {}), no_such_parameter=1)
 
 
+def test_its_state_can_be_saved_and_restored(plugin_class, arm_model):
+    world = World(arm_model)
+    start(world, plugin_class)
+    world.step(50)
+    state = world.save()
+    assert state.left_out == {}
+    world.step(100)
+    world.restore(state)
+    again = world.save()
+    assert (again.header.parts, again.header.digest) == (state.header.parts, state.header.digest)
+    assert again.arrays.keys() == state.arrays.keys()
+
+
 def test_its_life_leaves_nothing_active(plugin_class, arm_model):
     world = World(arm_model)
     plugin = start(world, plugin_class)
