@@ -1,7 +1,9 @@
 """Drives a base with wheels on both sides: differential drive, and skid steering with more than two wheels."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -95,6 +97,14 @@ class DiffDrive(Plugin[DiffDriveParameters]):
         """Discards the command."""
         self._drive(0.0, 0.0)
         self._host.deactivate()
+
+    def save(self) -> dict[str, int]:
+        """Returns for how many steps the command is still followed; the controls are part of MuJoCo's state."""
+        return {"steps": self._last_step - self._host.step}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Sets for how many steps the command is still followed."""
+        self._last_step = self._host.step + int(saved["steps"])
 
     def _handle(self, twist: Twist) -> None:
         forward, yaw_rate = twist.linear.x, twist.angular.z

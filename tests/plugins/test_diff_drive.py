@@ -98,3 +98,22 @@ def test_a_reset_stops_the_wheels_and_commands_that_are_not_finite_are_ignored()
 def test_what_cannot_be_driven_is_refused(xml, parameters, message):
     with pytest.raises(PluginError, match=message):
         world_of(xml, **parameters)
+
+
+def test_a_restored_command_ends_when_it_would_have_ended():
+    world = world_of(cmd_timeout=1.0)
+    world.publish("/cmd_vel", twist(0.5, 0.2))
+    world.step(100)
+    state = world.save()
+
+    def run():
+        controls = []
+        for _ in range(25):
+            world.step(20)
+            controls.append(world.data.ctrl.tolist())
+        return controls, world.data.qpos.tolist()
+
+    expected = run()
+    assert expected[0][0] != expected[0][-1] == [0.0, 0.0]
+    world.restore(state)
+    assert run() == expected
