@@ -58,7 +58,8 @@ def test_the_server_offers_its_services_under_its_own_name(arm_model):
         "describe_parameters", "get_parameter_types", "get_parameters", "list_parameters", "set_parameters",
         "set_parameters_atomically",
     }  # fmt: skip
-    assert transport.services == {f"/mjplug/{name}" for name in control | parameters | {"get_diagnostics"}}
+    states = {"save_state", "restore_state", "list_states", "delete_state", "get_state_digest"}
+    assert transport.services == {f"/mjplug/{name}" for name in control | parameters | states | {"get_diagnostics"}}
     assert set(transport.publishers) == {"/clock", "/diagnostics", "/mjplug/epoch", "/rosout"}
 
 
