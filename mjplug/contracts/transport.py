@@ -54,18 +54,32 @@ class Topic(Generic[M]):
 
 @dataclass(frozen=True, slots=True)
 class ServiceName:
-    """A service: its full ROS name (such as `/a/b`) and its type."""
+    """A service: its full ROS name (such as `/a/b`) and its type.
+
+    Attributes:
+        name: The name.
+        type: The service's class.
+        packed: Whether sequences of numbers in CDR requests are memoryviews; see `Message.from_cdr`.
+    """
 
     name: str
     type: type[Service]
+    packed: bool = False
 
 
 class Publisher(Protocol[M_contra]):
-    """A publisher of one topic. Physics thread only."""
+    """A publisher of one topic. Physics thread only.
+
+    Attributes:
+        tap: Also gets each published message or frame; None if nothing in this process reads the topic. It must copy
+            a frame, because the frame's next values replace its content.
+    """
+
+    tap: "Callable[[Message | CdrFrame], None] | None"
 
     @property
     def matched(self) -> bool:
-        """Whether the topic has a subscriber; if not, there is no need to build a message."""
+        """Whether the topic has a subscriber or a tap; if not, there is no need to build a message."""
 
     def publish(self, message: M_contra) -> None:
         """Publishes the message, encoded once for each encoding that has subscribers."""
@@ -84,6 +98,10 @@ class Call(Protocol):
     @property
     def parameters(self) -> Mapping[str, str]:
         """The parameters of the Zenoh selector: `{'wait': 'false'}` for `…?wait=false`."""
+
+    @property
+    def form(self) -> Literal["cdr", "json"]:
+        """The form in which the response is sent; `cdr` for a call in this process."""
 
     def respond(self, response: Message) -> None:
         """Sends the response in the encoding of the request; later calls are ignored."""
@@ -137,6 +155,14 @@ class BytesTransport(Protocol):
         Args:
             keys: Key expression of the tokens.
             left: Called with the token's key.
+        """
+
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Watches liveliness tokens, including those that exist already.
+
+        Args:
+            keys: Key expression of the tokens.
+            changed: Called with the key of each token, and true when it appears or false when it disappears.
         """
 
 

@@ -37,6 +37,9 @@ WALL_TIMER_PERIOD = 1.0
 _MAX_BATCH_STEPS = 10_000
 """Maximum number of steps in a batch."""
 
+_MAX_BATCHES = 100
+"""Maximum number of batches of a goal in one `turn`."""
+
 R = TypeVar("R", bound=Request)
 
 
@@ -54,7 +57,8 @@ class Loop:
         steppers: The steppers, active or not.
         inbox: The queue to which other threads post calls.
         pacer: Wall-clock pacing.
-        goals: Steps that clients request with the service `step_simulation` while paused; they are taken at full speed.
+        goals: Steps that clients request with the services `step_simulation` and `step` while paused; they are taken at
+            full speed.
         lockstep: One key for each worker process that must finish its job before the next step. While the set is not
             empty, no step is taken, but requests are served.
         paused: Whether the simulation is paused.
@@ -233,7 +237,7 @@ class Loop:
                 self._wait(self._wall_due - now)
         elif self.paused:
             if self.goals:
-                self._take_batch(self.goals.next_target)
+                self._take_goals(now + MAX_BATCH_TIME)
             elif not polled:
                 self._idle(now)
         elif self.pacer.speed == "max":
@@ -291,7 +295,7 @@ class Loop:
         if self.lockstep:
             # A worker process still works on the state of this boundary; goals that end here are answered after it.
             return
-        if self.goals and self.goals.next_target <= step:
+        if self.goals and self.goals.next_target <= step and not self.goals.begin_next_part():
             # Before the response, so that a client that gets it already has the new time.
             for callback in self.on_stepped:
                 callback()
@@ -310,6 +314,21 @@ class Loop:
                     "restart the server"
                 )
             )
+
+    def _take_goals(self, until: float) -> None:
+        """Takes one batch of steps for the first goal. If it has several parts, which may be short, takes more batches.
+
+        Args:
+            until: Wall time at which no further batch is started [s]; a posted call ends the batches too.
+        """
+        goals, nothing_posted = self.goals, self.inbox.empty
+        for _ in range(_MAX_BATCHES):
+            if not self._take_batch(goals.next_target):
+                return
+            if not goals.in_parts or self.lockstep or self._stopping or not self.paused:
+                return
+            if not nothing_posted() or perf_counter() >= until:
+                return
 
     def _take_batch(self, target: int) -> bool:
         """Takes at most one batch of steps towards a step number, then runs what is due.

@@ -3,15 +3,16 @@
 import logging
 from collections.abc import Callable
 from time import perf_counter
-from typing import ParamSpec, Protocol
+from typing import ParamSpec, Protocol, TypeVar
 
-from mjplug.errors import PluginError, is_fault
+from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.physics.loop import Loop
 from mjplug.physics.scheduler import Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.stopwatch import Stopwatch
 
 P = ParamSpec("P")
+M = TypeVar("M")
 
 
 class Stepping(Protocol):
@@ -126,6 +127,30 @@ class Guard:
     def report(self, what: str, error: BaseException) -> None:
         """Logs an exception of the plugin that neither disables it nor stops the server."""
         self._logger.error("plugin %s: %s", self._name, what, exc_info=error)
+
+    def checked(self, callback: Callable[[M], None]) -> Callable[[M], None]:
+        """Returns a wrapper like that of `guarded` for a client that waits for the outcome.
+
+        The wrapper raises RequestError if the callback refuses the value or fails, and if the instance is disabled.
+        """
+
+        def call(value: M) -> None:
+            if self.disabled:
+                raise RequestError(self.disabled)
+            began = perf_counter()
+            try:
+                callback(value)
+            except RequestError:
+                raise
+            except BaseException as error:
+                if not is_fault(error):
+                    raise
+                self.fail(error)
+                raise RequestError(f"plugin {self._name} failed: {error!r}") from error
+            finally:
+                self._stopwatch.add(began)
+
+        return call
 
     def fail(self, error: BaseException) -> None:
         """Disables the instance: refuses its requests and releases its holds. Stops the server if the policy says so.

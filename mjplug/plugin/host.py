@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
+from mjplug.contracts.topics import Topics
 from mjplug.contracts.transport import Publisher, Transport
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
 from mjplug.errors import PluginError, RequestError, is_fault
@@ -51,6 +52,7 @@ class Host(NodeView):
         stopwatch: Measures the time that the plugin takes.
         frame_prefix: Prefix of the TF frames in the plugin's messages, such as `robot1/`.
         changeable: Where parameters that clients can change are declared.
+        topics: Where topics are registered for step requests.
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class Host(NodeView):
         stopwatch: Stopwatch | None = None,
         frame_prefix: str = "",
         changeable: ChangeableParameters | None = None,
+        topics: Topics | None = None,
     ) -> None:
         super().__init__(
             name,
@@ -79,6 +82,7 @@ class Host(NodeView):
             folders,
             stopwatch or Stopwatch(),
             frame_prefix,
+            topics or Topics(),
         )
         self.random = np.random.default_rng([seed, *name.encode()])
         self._part = InstancePart(self._guard, lambda: self.random)

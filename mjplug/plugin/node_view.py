@@ -5,6 +5,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
 
+from mjplug.contracts.topics import PublishedTopic, ReadTopic, Sampler, Topics
 from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
 from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
@@ -48,6 +49,7 @@ class NodeView(WorldView):
         folders: Folders in which relative file names of parameters are searched, in this order.
         stopwatch: Measures the time that the plugin takes.
         frame_prefix: Prefix of the TF frames in the plugin's messages, such as `robot1/`.
+        topics: Where topics are registered for step requests.
     """
 
     def __init__(
@@ -61,6 +63,7 @@ class NodeView(WorldView):
         folders: Sequence[Path],
         stopwatch: Stopwatch,
         frame_prefix: str,
+        topics: Topics,
     ) -> None:
         super().__init__(loop.simulation, model_file, folders)
         self.name = name
@@ -70,6 +73,7 @@ class NodeView(WorldView):
         self._resolve = resolve
         self._frame_prefix = frame_prefix
         self._stopwatch = stopwatch
+        self._topics = topics
         self._guard = Guard(name, self.logger, loop, stopwatch, disable_on_error)
         # The timers that sleep while none of their publishers has a subscriber.
         self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
@@ -100,7 +104,12 @@ class NodeView(WorldView):
         return f"{self._frame_prefix}{name}" if name else ""
 
     def create_publisher(
-        self, type: type[M], name: str, qos: QoS = DEFAULT, on_matched: Callable[[], None] | None = None
+        self,
+        type: type[M],
+        name: str,
+        qos: QoS = DEFAULT,
+        on_matched: Callable[[], None] | None = None,
+        sample: Sampler | None = None,
     ) -> Publisher[M]:
         """Declares a topic that the plugin publishes, and returns its publisher.
 
@@ -110,6 +119,9 @@ class NodeView(WorldView):
                 same) to `/<namespace>/<instance>/`.
             qos: Quality of service.
             on_matched: Called each time the first subscriber appears.
+            sample: Returns the message, or its frame, for the present state, without other effects. Clients that step
+                the simulation with `~/step` get it as the sample of the topic after their last step. Without it, they
+                get the newest message that was published during their steps.
 
         Raises:
             PluginError: The name is not a valid ROS name.
@@ -125,6 +137,8 @@ class NodeView(WorldView):
         topic = Topic(self.full_name(name), type, qos)
         publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(wake_timers))
         self._timers_by_publisher[publisher] = timers
+        published = PublishedTopic(topic, publisher, sample, wake_timers, lambda: self.step)
+        self._topics.published.setdefault(topic.name, []).append(published)
         return publisher
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
@@ -155,8 +169,15 @@ class NodeView(WorldView):
 
         arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
         self._transport.open_subscription(topic, arrivals.deliver)
+        self._topics.read.setdefault(topic.name, []).append(ReadTopic(topic, self._guard.checked(callback)))
 
-    def create_service(self, type: type[Service], name: str, handler: Callable[[Any, Call], Message | Slow]) -> None:
+    def create_service(
+        self,
+        type: type[Service],
+        name: str,
+        handler: Callable[[Any, Call], Message | Slow],
+        packed: bool = False,
+    ) -> None:
         """Declares a service.
 
         Args:
@@ -166,6 +187,8 @@ class NodeView(WorldView):
                 step numbers or events that it waits for and returns the response. The generator's `finally` blocks run
                 on completion, reset and shutdown. To refuse the request, raise RequestError before anything is applied.
                 A generator may respond early with `call.respond(…)`.
+            packed: Whether sequences of numbers in CDR requests are read-only memoryviews instead of tuples, which
+                saves time if a request contains thousands of numbers. In JSON requests they are tuples.
 
         Raises:
             PluginError: The name is not a valid ROS name.
@@ -180,7 +203,7 @@ class NodeView(WorldView):
                 self._stopwatch.add(began)
 
         self._transport.open_service(
-            ServiceName(self.full_name(name), type), lambda call: self._loop.inbox.post(lambda: serve(call))
+            ServiceName(self.full_name(name), type, packed), lambda call: self._loop.inbox.post(lambda: serve(call))
         )
 
     def create_timer(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic, Transport
 from mjplug_schemas.message import Message, Service
@@ -20,6 +20,8 @@ class LocalCall:
         refusal: The reason for which the request was refused; None if it was not.
         answers: Number of answers from the service; only the first one counts.
     """
+
+    form: Literal["cdr", "json"] = "cdr"
 
     def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
         self.request = request
@@ -85,6 +87,10 @@ class LocalCalls:
     def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
         """Watches liveliness tokens."""
         self._transport.watch_leaving(keys, left)
+
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Watches liveliness tokens, with existing ones."""
+        self._transport.watch_tokens(keys, changed)
 
     def send(self, type: type[Service], request: Message) -> LocalCall:
         """Sends a request to the first service of a type. The server declares its own services before those of plugins.

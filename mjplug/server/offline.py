@@ -15,6 +15,7 @@ class OfflinePublisher:
     """A publisher without subscribers."""
 
     matched = False
+    tap: Callable[[Message | CdrFrame], None] | None = None
 
     def publish(self, message: Message) -> None:
         """Discards the message."""
@@ -65,6 +66,9 @@ class OfflineTransport:
 
     def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
         """Reports nothing."""
+
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Reports no token."""
 
 
 class OfflineWorker:

@@ -12,6 +12,7 @@ from mjplug.config.instance_names import InstanceNames, instance_names, server_n
 from mjplug.config.settings import Settings
 from mjplug.contracts.diagnostics import Diagnostics
 from mjplug.contracts.parameters import ChangeableParameters
+from mjplug.contracts.topics import Topics
 from mjplug.contracts.transport import Transport
 from mjplug.contracts.work import WorkerPool
 from mjplug.errors import MjplugError, PluginError, is_fault
@@ -32,6 +33,7 @@ from mjplug.services import (
 )
 from mjplug.services.plugin_times import PluginTimes
 from mjplug.services.states import service as states
+from mjplug.services.stepping import service as stepping
 from mjplug.services.view import service as view
 from mjplug_schemas import names
 
@@ -80,16 +82,19 @@ class Server:
         self._model_file = model_file
         self.diagnostics = Diagnostics()
         self._changeable = ChangeableParameters()
+        self._topics = Topics()
         self._cleanups = ExitStack()
         self._times = PluginTimes(self.loop, perf_counter())
         # Before the diagnostics are published.
         self.loop.on_second.append(self._times.refresh)
         host = self._host(settings.node_name, server_names(settings), disable_on_error=False)
         name = f"{settings.namespace}/{settings.node_name}"
-        for service in (set_pause, step_simulation, reset_world, set_free_joint_state):
+        for service in (set_pause, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         limits = states.Limits(settings.snapshots.max_states, settings.snapshots.max_bytes)
         self._cleanups.callback(states.offer(host, self.loop, sim.seed, __version__, limits, states_folder))
+        ownership = stepping.offer(host, self.loop, transport, self._topics, names.key(name))
+        step_simulation.offer(host, self.loop, ownership)
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
@@ -180,6 +185,7 @@ class Server:
             self._times.add(name),
             names.frame_prefix,
             self._changeable,
+            self._topics,
         )
 
     @staticmethod

@@ -20,16 +20,30 @@ class FakePublisher:
     """
 
     def __init__(self, on_matched: Callable[[], None] | None = None) -> None:
-        self.matched = True
+        self._subscribed = True
         self.messages: list[Any] = []
         self.on_matched = on_matched
+        self.tap: Callable[[Message | CdrFrame], None] | None = None
+
+    @property
+    def matched(self) -> bool:
+        """Whether the topic has a subscriber, or a tap."""
+        return self._subscribed or self.tap is not None
+
+    @matched.setter
+    def matched(self, subscribed: bool) -> None:
+        self._subscribed = subscribed
 
     def publish(self, message: Message) -> None:
         """Stores a message."""
+        if self.tap is not None:
+            self.tap(message)
         self.messages.append(message)
 
     def publish_frame(self, frame: CdrFrame) -> None:
         """Stores the message in a frame."""
+        if self.tap is not None:
+            self.tap(frame)
         self.messages.append(frame.type.from_cdr(frame.payload()))
 
 
@@ -63,6 +77,7 @@ class FakeTransport:
         bytes_subscriptions: The functions that get the bytes of a subscription, by key.
         queryables: The functions that get the queries of a queryable, by key.
         watched: The functions that are called when a liveliness token disappears, by key expression.
+        tokens: The functions that are called when a liveliness token appears or disappears, by key expression.
     """
 
     def __init__(self) -> None:
@@ -73,6 +88,7 @@ class FakeTransport:
         self.bytes_subscriptions: dict[str, Callable[[bytes], None]] = {}
         self.queryables: dict[str, Callable[[BytesQuery], None]] = {}
         self.watched: dict[str, Callable[[str], None]] = {}
+        self.tokens: dict[str, Callable[[str, bool], None]] = {}
         self._subscriptions: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
         self._services: dict[str, Callable[[Call], None]] = {}
 
@@ -118,6 +134,10 @@ class FakeTransport:
     def watch_leaving(self, keys: str, left: Callable[[str], None]) -> None:
         """Watches liveliness tokens."""
         self.watched[keys] = left
+
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Watches liveliness tokens."""
+        self.tokens[keys] = changed
 
     def send(self, name: str, message: Message) -> None:
         """Sends a message to the subscribers of a topic. They handle it before the next step.

@@ -9,6 +9,7 @@ import mujoco
 
 from mjplug import __version__
 from mjplug.contracts.diagnostics import Diagnostics
+from mjplug.contracts.topics import Topics
 from mjplug.convert.load import load_model
 from mjplug.physics.loop import Loop
 from mjplug.physics.reset import Reset
@@ -38,6 +39,7 @@ class World:
         transport: The topics and services.
         workers: The workers that plugins have created, by the name of the instance.
         diagnostics: The diagnostics of the plugins.
+        topics: The topics of the plugins, as step requests use them.
         simulation: The model and its state, as the loop sees them.
         loop: The physics loop.
 
@@ -67,6 +69,7 @@ class World:
         self.transport = FakeTransport()
         self.workers = InlineWorkerPool()
         self.diagnostics = Diagnostics()
+        self.topics = Topics()
         self.model, self.data = self.simulation.model, self.simulation.data
 
     @property
@@ -110,6 +113,7 @@ class World:
             folders,
             stopwatch,
             frame_prefix,
+            topics=self.topics,
         )
 
     def add(self, plugin_class: type[P], name: str = "test", **parameters: Any) -> P:

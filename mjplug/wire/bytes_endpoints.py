@@ -119,6 +119,14 @@ class BytesEndpoints:
 
         self._declared.append(self._session.liveliness().declare_subscriber(keys, callback(changed)))
 
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Calls `changed` with the key of each liveliness token that appears or disappears, and with existing ones."""
+
+        def report(sample: zenoh.Sample) -> None:
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        self._declared.append(self._session.liveliness().declare_subscriber(keys, callback(report), history=True))
+
     def close(self) -> None:
         """Makes publishers unmatched and waits until the replies are sent; the session undeclares the rest."""
         for writer in self._writers:

@@ -36,6 +36,7 @@ class WireCall:
     Attributes:
         service: The service's class.
         size: Size of the data that Zenoh keeps until the request is answered [bytes].
+        form: The form of the request and of the response.
 
     Args:
         raw: The encoded request.
@@ -51,7 +52,7 @@ class WireCall:
         self.request = request
         self.size = raw.size
         self.parameters: Mapping[str, str] = raw.parameters
-        self._form = form
+        self.form = form
         self.service = service
         self._open_calls = open_calls
         # The responding thread takes the request out; list.pop succeeds in one thread only.
@@ -68,14 +69,14 @@ class WireCall:
                 f"the response of {self.service.TYPE} must be a {self.service.Response.TYPE}, "
                 f"not {type(response).__name__}"
             )
-        payload = encode(response, self._form)
+        payload = encode(response, self.form)
         if raw := self._take():
-            self._open_calls.replies.post(lambda: raw.reply(payload, self._form))
+            self._open_calls.replies.post(lambda: raw.reply(payload, self.form))
 
     def refuse(self, reason: str) -> None:
         """Reports that the request failed, unless the call has been answered."""
         if raw := self._take():
-            self._open_calls.refuse(raw, self.service, reason, self._form)
+            self._open_calls.refuse(raw, self.service, reason, self.form)
 
     def _take(self) -> RawRequest | None:
         try:

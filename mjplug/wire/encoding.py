@@ -133,9 +133,18 @@ class Decoder(Generic[M]):
         limits: Size limits.
         also: A second type name that senders may state, such as that of the service of a request.
         empty: Whether a missing payload means a message with default values.
+        packed: Whether sequences of numbers in CDR become memoryviews; see `Message.from_cdr`.
     """
 
-    def __init__(self, type: type[M], limits: Limits = DEFAULT_LIMITS, also: str = "", empty: bool = False) -> None:
+    def __init__(
+        self,
+        type: type[M],
+        limits: Limits = DEFAULT_LIMITS,
+        also: str = "",
+        empty: bool = False,
+        packed: bool = False,
+    ) -> None:
+        self._packed = packed
         self._type = type
         self._limits = limits
         self._names = {type.TYPE, also, ""}
@@ -162,7 +171,7 @@ class Decoder(Generic[M]):
         if form == "json":
             self._limits.check_json(raw)
         try:
-            return form, self._type.from_cdr(raw) if form == "cdr" else self._type.from_json(raw)
+            return form, self._type.from_cdr(raw, packed=self._packed) if form == "cdr" else self._type.from_json(raw)
         except CodecError as error:
             raise PayloadError(str(error)) from error
 

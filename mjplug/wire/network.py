@@ -149,6 +149,10 @@ class Network:
         """Watches liveliness tokens; see `mjplug.contracts.transport.BytesTransport`."""
         self._bytes.watch_leaving(keys, left)
 
+    def watch_tokens(self, keys: str, changed: Callable[[str, bool], None]) -> None:
+        """Watches liveliness tokens; see `mjplug.contracts.transport.BytesTransport`."""
+        self._bytes.watch_tokens(keys, changed)
+
     def watch_shared_names(self, exempt: Iterable[str] = ()) -> None:
         """Announces to other servers that all names are declared, and logs a warning about shared names.
 

@@ -22,6 +22,7 @@ class WirePublisher(Generic[M]):
         writers: The writers, one for each key.
         sent: Number of messages that this process published.
         remote: Whether a worker process publishes the topic instead of this process.
+        tap: Also gets each published message or frame; None for none.
 
     Args:
         topic: The topic.
@@ -30,6 +31,7 @@ class WirePublisher(Generic[M]):
 
     def __init__(self, topic: Topic[M], writers: Sequence[KeyWriter]) -> None:
         self.topic = topic
+        self.tap: Callable[[Message | CdrFrame], None] | None = None
         self.sent = 0
         self.remote = False
         self.writers = tuple(writers)
@@ -38,16 +40,18 @@ class WirePublisher(Generic[M]):
 
     @property
     def matched(self) -> bool:
-        """Whether the topic has a subscriber. Always true for a latched topic, because of late subscribers."""
-        for writer in self.writers:  # noqa: SIM110 - called at every step, and a generator costs four times as much
+        """Whether the topic has a subscriber or a tap. Always true for a latched topic, because of late subscribers."""
+        for writer in self.writers:
             if writer.matched:
                 return True
-        return False
+        return self.tap is not None
 
     def publish(self, message: M) -> None:
         """Publishes a message; without subscribers, it is not encoded."""
         self._check(type(message))
         self.sent += 1
+        if self.tap is not None:
+            self.tap(message)
         payload: ZBytes | None = None
         for writer in self._cdr:
             if writer.matched:
@@ -65,6 +69,8 @@ class WirePublisher(Generic[M]):
         """Publishes a prebuilt frame; for JSON subscribers it is decoded and encoded again."""
         self._check(frame.type)
         self.sent += 1
+        if self.tap is not None:
+            self.tap(frame)
         payload: ZBytes | None = None
         for writer in self._cdr:
             if writer.matched:

@@ -38,7 +38,7 @@ class ServiceServer:
         self._service = service
         self._deliver = deliver
         self._open_calls = open_calls
-        self._decoder = Decoder(service.type.Request, limits, also=service.type.TYPE, empty=True)
+        self._decoder = Decoder(service.type.Request, limits, service.type.TYPE, empty=True, packed=service.packed)
 
     def receive(self, raw: RawRequest) -> None:
         """Handles one request. Never raises, because it runs on Zenoh's thread."""

@@ -67,10 +67,13 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
         )
         self._sec, self._nanosec = (self._message.slots(_stamps(len(bodies), part)) for part in ("sec", "nanosec"))
         self._seconds = 0
-        self._publisher = host.create_publisher(FreeJointStateArray, parameters.topic)
+        self._publisher = host.create_publisher(FreeJointStateArray, parameters.topic, sample=self._sample)
         host.create_timer(1.0 / parameters.publish_rate, self._publish, while_matched=self._publisher)
 
     def _publish(self) -> None:
+        self._publisher.publish_frame(self._sample())
+
+    def _sample(self) -> CdrFrame:
         self._states.read()
         self._poses.write(self._states.poses)
         self._velocities.write(self._states.velocities)
@@ -79,7 +82,7 @@ class FreeJointStatePublisher(Plugin[FreeJointStatePublisherParameters]):
             self._seconds = seconds
             self._sec.write(seconds)
         self._nanosec.write(nanoseconds)
-        self._publisher.publish_frame(self._message)
+        return self._message
 
 
 class _States:

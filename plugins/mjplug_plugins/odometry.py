@@ -85,10 +85,12 @@ class OdometryPublisher(Plugin[OdometryParameters]):
         self._transform = CdrFrame(TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child)]))
         self._translation = self._transform.view("transforms[0].transform.translation")
         self._rotation = self._transform.slots(f"transforms[0].transform.rotation.{part}" for part in _WXYZ)
-        self._publisher = host.create_publisher(Odometry, parameters.topic)
+        self._publisher = host.create_publisher(Odometry, parameters.topic, sample=self._odometry)
         self._tf = None
         if parameters.publish_tf:
-            self._tf = host.create_publisher(TFMessage, parameters.tf_topic, QoS(depth=100))
+            self._tf = host.create_publisher(
+                TFMessage, parameters.tf_topic, QoS(depth=100), sample=self._moved_transform
+            )
         publishers = [publisher for publisher in (self._publisher, self._tf) if publisher is not None]
         # The timer sleeps while no publisher has a subscriber.
         host.create_timer(1.0 / parameters.rate, self._publish, while_matched=publishers)
@@ -111,18 +113,32 @@ class OdometryPublisher(Plugin[OdometryParameters]):
             self._base.origin = _origin(saved)
 
     def _publish(self) -> None:
-        base, time_ns = self._base, self._host.time_ns
-        base.read()
+        self._base.read()
         if self._publisher.matched:
-            self._position[:], self._linear[:], self._angular[:] = base.position, base.linear, base.angular
-            self._quat.write(base.quat_wxyz)
-            self._message.set_stamp("header.stamp", time_ns)
-            self._publisher.publish_frame(self._message)
+            self._publisher.publish_frame(self._write_odometry())
         if self._tf is not None and self._tf.matched:
-            self._translation[:] = base.position
-            self._rotation.write(base.quat_wxyz)
-            self._transform.set_stamp("transforms[0].header.stamp", time_ns)
-            self._tf.publish_frame(self._transform)
+            self._tf.publish_frame(self._write_transform())
+
+    def _odometry(self) -> CdrFrame:
+        self._base.read()
+        return self._write_odometry()
+
+    def _moved_transform(self) -> CdrFrame:
+        self._base.read()
+        return self._write_transform()
+
+    def _write_odometry(self) -> CdrFrame:
+        base = self._base
+        self._position[:], self._linear[:], self._angular[:] = base.position, base.linear, base.angular
+        self._quat.write(base.quat_wxyz)
+        self._message.set_stamp("header.stamp", self._host.time_ns)
+        return self._message
+
+    def _write_transform(self) -> CdrFrame:
+        self._translation[:] = self._base.position
+        self._rotation.write(self._base.quat_wxyz)
+        self._transform.set_stamp("transforms[0].header.stamp", self._host.time_ns)
+        return self._transform
 
 
 class _Base:

@@ -109,9 +109,8 @@ class RangefinderLidar(Plugin[RangefinderLidarParameters]):
             if name not in groups:
                 raise UnknownName("rangefinder lidar", name, groups)
             sensors = _sensors(host, name, lidar, groups[name])
-            publisher = host.create_publisher(LaserScan, lidar.laserscan_topic)
-            scan = _Scan(host, publisher, lidar, sensors, 1.0 / parameters.lidar_publish_rate)
-            host.create_timer(1.0 / parameters.lidar_publish_rate, scan.publish, while_matched=publisher)
+            scan = _Scan(host, lidar, sensors, 1.0 / parameters.lidar_publish_rate)
+            host.create_timer(1.0 / parameters.lidar_publish_rate, scan.publish, while_matched=scan.publisher)
         if unconfigured := sorted(groups.keys() - configured.keys()) if configured else []:
             host.logger.warning("not published, because no parameters are set for them: %s", ", ".join(unconfigured))
 
@@ -121,14 +120,17 @@ class _Scan:
 
     This class casts the rays itself, in the same way as MuJoCo's sensors, because after a step the sensor values belong
     to the state before the step.
+
+    Attributes:
+        publisher: The publisher.
     """
 
-    def __init__(
-        self, host: Host, publisher: Publisher[LaserScan], lidar: LidarParameters, sensors: list[int], period: float
-    ) -> None:
+    def __init__(self, host: Host, lidar: LidarParameters, sensors: list[int], period: float) -> None:
         model, data = host.model, host.data
         self._host = host
-        self._publisher = publisher
+        self.publisher: Publisher[LaserScan] = host.create_publisher(
+            LaserScan, lidar.laserscan_topic, sample=self.sample
+        )
         sites = model.sensor_objid[sensors]
         self._rays = [
             (data.site_xpos[s], data.site_xmat[s].reshape(3, 3)[:, 2], int(model.site_bodyid[s])) for s in sites
@@ -154,6 +156,10 @@ class _Scan:
 
     def publish(self) -> None:
         """Casts all rays and publishes the scan."""
+        self.publisher.publish_frame(self.sample())
+
+    def sample(self) -> CdrFrame:
+        """Casts all rays and returns the scan."""
         host = self._host
         host.kinematics()
         distances = np.array([self._cast(*ray) for ray in self._rays])
@@ -161,7 +167,7 @@ class _Scan:
         too_close = (distances < self._min_range) & ~no_return
         self._ranges[:] = np.select([no_return, too_close], [np.inf, -np.inf], distances)
         self._message.set_stamp("header.stamp", host.time_ns)
-        self._publisher.publish_frame(self._message)
+        return self._message
 
     def _cast(self, origin: NDArray[np.float64], direction: NDArray[np.float64], body: int) -> float:
         return mujoco.mj_ray(self._host.model, self._host.data, origin, direction, None, True, body, self._geom)

@@ -52,8 +52,14 @@ def encode_with_layout(message: BaseModel) -> tuple[bytearray, dict[str, Span]]:
     return out, cdr_layout.spans(type(message), out)
 
 
-def decode(message: type[M], buffer: bytes | bytearray | memoryview) -> M:
+def decode(message: type[M], buffer: bytes | bytearray | memoryview, packed: bool = False) -> M:
     """Returns the message of the given type that is encoded in CDR bytes of either byte order.
+
+    Args:
+        message: The message's class.
+        buffer: The bytes.
+        packed: Whether sequences of numbers become read-only memoryviews of the bytes where the byte order allows it,
+            which takes no time per number. Otherwise they are tuples.
 
     Raises:
         CodecError: The bytes are truncated, too long, or contain an invalid value.
@@ -68,7 +74,7 @@ def decode(message: type[M], buffer: bytes | bytearray | memoryview) -> M:
     values: list[Any] = []
     at = 4
     try:
-        for operation in _plan(message, order):
+        for operation in _plan(message, order, packed):
             at = operation.read(source, at, values)
     except Fault as fault:
         raise CodecError(f"{_name(message)}: {fault}") from None
@@ -97,7 +103,7 @@ def _name(message: type[BaseModel]) -> str:
 
 
 @cache
-def _plan(message: type[BaseModel], order: str) -> tuple[Operation, ...]:
+def _plan(message: type[BaseModel], order: str, packed: bool = False) -> tuple[Operation, ...]:
     plan: list[Operation] = []
     run: list[Number] = []
 
@@ -106,7 +112,7 @@ def _plan(message: type[BaseModel], order: str) -> tuple[Operation, ...]:
             plan.append(Run(run, order))
             run.clear()
 
-    for step in _steps(message, order, ""):
+    for step in _steps(message, order, "", packed):
         if isinstance(step, Number):
             run.append(step)
         else:
@@ -116,7 +122,7 @@ def _plan(message: type[BaseModel], order: str) -> tuple[Operation, ...]:
     return tuple(plan)
 
 
-def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operation | Number]:
+def _steps(message: type[BaseModel], order: str, prefix: str, packed: bool) -> Iterator[Operation | Number]:
     if not fields(message):
         yield Blank(prefix.removesuffix("."))
     for field in fields(message):
@@ -124,7 +130,7 @@ def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operat
         extent = Extent(field.count, 0) if field.kind == "array" else Extent(None, field.count)
         if not isinstance(field.element, Primitive):
             if field.kind == "one":
-                yield from _steps(field.element, order, path + ".")
+                yield from _steps(field.element, order, path + ".", packed)
             else:
                 parts = Element(_plan(field.element, order), _builder(field.element), min_size(field.element))
                 yield Structs(path, order, extent, parts)
@@ -137,7 +143,7 @@ def _steps(message: type[BaseModel], order: str, prefix: str) -> Iterator[Operat
         elif field.kind == "one":
             yield Number(path, field.element)
         else:
-            yield Numbers(path, order, extent, field.element)
+            yield Numbers(path, order, extent, field.element, packed)
 
 
 @cache

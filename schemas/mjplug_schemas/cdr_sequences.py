@@ -1,12 +1,16 @@
 """The operations of a CDR plan for sequences and arrays."""
 
 import struct
+import sys
 from collections.abc import Callable, Iterator
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 from mjplug_schemas.cdr_operations import ZEROS, Fault, Operation, Text, shortage
 from mjplug_schemas.idl import Primitive
+
+_NATIVE = "<" if sys.byteorder == "little" else ">"
+"""The byte order of this machine."""
 
 
 class Extent(NamedTuple):
@@ -74,18 +78,32 @@ class Counted:
 
 
 class Numbers(Counted):
-    """A sequence or array of numbers."""
+    """A sequence or array of numbers: a tuple, or a memoryview of numbers of this type in this machine's byte order.
 
-    def __init__(self, path: str, order: str, extent: Extent, primitive: Primitive) -> None:
+    Args:
+        path: As in the base class.
+        order: As in the base class.
+        extent: As in the base class.
+        primitive: The type of the numbers.
+        packed: Whether memoryviews are read, where the byte order is that of this machine.
+    """
+
+    def __init__(self, path: str, order: str, extent: Extent, primitive: Primitive, packed: bool = False) -> None:
         super().__init__(path, order, extent)
         self._primitive, self._size = primitive, primitive.size
+        self._native = order == _NATIVE and primitive.code != "?"
+        self._packed = packed and self._native
         self._reader = primitive.code.replace("?", "B")
 
     def write(self, out: bytearray, message: Any) -> None:
         """Appends the numbers."""
         values = self._get(message)
         self._write_count(out, len(values))
-        if not values:
+        if not len(values):
+            return
+        if self._native and type(values) is memoryview and values.format == self._primitive.code:
+            out += ZEROS[(4 - len(out)) % self._size]
+            out += values.cast("B")
             return
         try:
             numbers = struct.pack(f"{self._order}{len(values)}{self._primitive.code}", *values)
@@ -96,13 +114,19 @@ class Numbers(Counted):
     def read(self, source: bytes, at: int, values: list[Any]) -> int:
         """Reads the numbers."""
         count, at = self._read_count(source, at)
-        if count == 0:
+        if count == 0 and not self._packed:
             values.append(())
+            return at
+        if count == 0:
+            values.append(_numbers(memoryview(b""), self._primitive))
             return at
         at += (4 - at) % self._size
         end = at + count * self._size
         if end > len(source):
             raise shortage(self._path, at, f"{count} {self._primitive.name} values", count * self._size, source)
+        if self._packed:
+            values.append(_numbers(memoryview(source)[at:end], self._primitive))
+            return end
         numbers = struct.unpack_from(f"{self._order}{count}{self._reader}", source, at)
         if self._primitive.code == "?":
             numbers = self._flags(numbers, at)
@@ -235,3 +259,9 @@ class Structs(Counted):
         queue = iter(parts)
         values.append(tuple([self._build(queue) for _ in range(count)]))
         return at
+
+
+def _numbers(source: memoryview, primitive: Primitive) -> Any:
+    # The stubs of `cast` accept literal codes only.
+    cast: Any = source.cast
+    return cast(primitive.code)

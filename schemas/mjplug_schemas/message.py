@@ -46,13 +46,18 @@ class Message(BaseModel):
         return cdr.encode(self)
 
     @classmethod
-    def from_cdr(cls, buffer: bytes | bytearray | memoryview) -> Self:
+    def from_cdr(cls, buffer: bytes | bytearray | memoryview, *, packed: bool = False) -> Self:
         """Returns the message that is encoded in CDR bytes of either byte order.
+
+        Args:
+            buffer: The bytes.
+            packed: Whether sequences of numbers are read-only memoryviews of the bytes instead of tuples. Such a
+                message can be encoded in CDR again, but not in JSON.
 
         Raises:
             CodecError: The bytes are not a valid message; the text names the field and its offset.
         """
-        return cdr.decode(cls, buffer)
+        return cdr.decode(cls, buffer, packed)
 
     def to_json(self) -> bytes:
         """Returns the message as UTF-8 JSON; NaN and infinities are the texts `"NaN"`, `"Infinity"`, `"-Infinity"`."""

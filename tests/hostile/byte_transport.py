@@ -40,6 +40,9 @@ class ByteTransport:
     def open_bytes_queryable(self, key, deliver):
         pass
 
+    def watch_tokens(self, keys, changed):
+        pass
+
     def watch_leaving(self, keys, left):
         pass
 

@@ -12,6 +12,7 @@ from mjplug.physics import timing
 from mjplug.physics.reset import Reset
 from mjplug.plugin import Diagnosis, Level, worker_diagnosis
 from mjplug.services import diagnostics, step_simulation
+from mjplug.services.stepping.ownership import Ownership
 from mjplug.testing import World
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray, DiagnosticStatus
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
@@ -93,7 +94,7 @@ def test_statuses_are_published_at_speed_max_and_during_a_long_step_request(serv
     world = serve(speed="max")
     run(world, clock, 2.5)
     assert len(world.topic.messages) == 3
-    step_simulation.offer(world.host("sim"), world.loop)
+    step_simulation.offer(world.host("sim"), world.loop, Ownership("sim/@step"))
     world.loop.pause()
     world.call("/sim/step_simulation", StepSimulation.Request(steps=10**6))
     run(world, clock, 3.0)
@@ -278,7 +279,7 @@ def test_a_simulation_that_diverged_and_was_reset_warns_once(serve, clock):
 
 def test_requests_that_wait_are_counted(serve, clock):
     world = serve(paused=True)
-    step_simulation.offer(world.host("sim"), world.loop)
+    step_simulation.offer(world.host("sim"), world.loop, Ownership("sim/@step"))
     assert values(look(world, clock)["simulation"])["waiting requests"] == "0"
     for _ in range(3):
         world.transport.call("/sim/step_simulation", StepSimulation.Request(steps=10**9))

@@ -4,6 +4,7 @@ import pytest
 
 from mjplug.physics.reset import Reset
 from mjplug.services import clock, set_pause, step_simulation
+from mjplug.services.stepping.ownership import Ownership
 from mjplug.testing import World
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause, StepSimulation
 
@@ -13,7 +14,7 @@ def world(arm_model):
     world = World(arm_model)
     host = world.host("mjplug")
     set_pause.offer(host, world.loop)
-    step_simulation.offer(host, world.loop)
+    step_simulation.offer(host, world.loop, Ownership("mjplug/@step"))
     clock.offer(host, world.loop, rate=100.0)
     return world
 

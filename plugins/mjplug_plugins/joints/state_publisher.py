@@ -70,14 +70,17 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
             for interface in dict.fromkeys(parameters.interfaces)
             if joints
         ]
-        self._publisher = host.create_publisher(JointState, parameters.topic)
+        self._publisher = host.create_publisher(JointState, parameters.topic, sample=self._sample)
         host.create_timer(1.0 / parameters.rate, self._publish, while_matched=self._publisher)
 
     def _publish(self) -> None:
+        self._publisher.publish_frame(self._sample())
+
+    def _sample(self) -> CdrFrame:
         for copy in self._copies:
             copy()
         self._message.set_stamp("header.stamp", self._host.time_ns)
-        self._publisher.publish_frame(self._message)
+        return self._message
 
 
 def _copy(source: NDArray[np.float64], indices: list[int], target: NDArray[Any]) -> Callable[[], object]:

@@ -63,7 +63,7 @@ class _Reading:
     ) -> None:
         self._host = host
         self.topic = host.full_name(topic)
-        self.publisher: Publisher[Message] = host.create_publisher(TYPES[sensor.kind], topic)
+        self.publisher: Publisher[Message] = host.create_publisher(TYPES[sensor.kind], topic, sample=self.sample)
         exact = exact_values(host.model, host.data, sensor)
         noisy = bool(settings.noise) and any(source.noise for source in sensor.parts.values())
         self._noise = Noise(sensor, exact, seed) if noisy else None
@@ -78,6 +78,10 @@ class _Reading:
 
     def publish(self) -> None:
         """Publishes the current sensor values."""
+        self.publisher.publish_frame(self.sample())
+
+    def sample(self) -> CdrFrame:
+        """Returns the message with the current sensor values."""
         time_ns = self._host.sensor_time_ns
         if self._noise is not None:
             self._noise.draw(time_ns, self._host.lineage)
@@ -85,7 +89,7 @@ class _Reading:
             write()
         if self._stamped:
             self._message.set_stamp("header.stamp", time_ns)
-        self.publisher.publish_frame(self._message)
+        return self._message
 
 
 def _start(host: Host, rate: float, readings: list[_Reading]) -> None:

@@ -31,7 +31,8 @@ class Transforms(Plugin[TransformsParameters]):
         if not all_links:
             host.logger.warning("the model has no body with a name, no camera and no sensor: no frames are published")
         moving, fixed = [link for link in all_links if not link.rigid], [link for link in all_links if link.rigid]
-        self._publisher = host.create_publisher(TFMessage, parameters.topic, DYNAMIC)
+        sample = self._sample if moving else None
+        self._publisher = host.create_publisher(TFMessage, parameters.topic, DYNAMIC, sample=sample)
         static = host.create_publisher(TFMessage, parameters.static_topic, LATCHED)
         if fixed:
             message = _Transforms(host, fixed)
@@ -42,8 +43,11 @@ class Transforms(Plugin[TransformsParameters]):
             host.create_timer(1.0 / parameters.rate, self._publish, while_matched=self._publisher)
 
     def _publish(self) -> None:
+        self._publisher.publish_frame(self._sample())
+
+    def _sample(self) -> CdrFrame:
         self._message.read()
-        self._publisher.publish_frame(self._message.frame)
+        return self._message.frame
 
 
 class _Transforms:

@@ -1,0 +1,1 @@
+"""`~/step`: inputs, steps and results in one request; and which client may step the server."""

@@ -1,0 +1,43 @@
+"""The controls of a step request, row by row."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mjplug.errors import RequestError
+
+MAX_ACTIONS = 1 << 17
+"""Maximum number of actions in a request."""
+
+
+def control_rows(ctrl: "Sequence[float] | memoryview[float]", nu: int, rows: str = "k") -> NDArray[np.float64]:
+    """Returns the controls of a request, shape (k, nu); k is 0 if there are none.
+
+    Args:
+        ctrl: k * nu numbers.
+        nu: Number of actuators.
+        rows: How the number of rows is called in error messages.
+
+    Raises:
+        RequestError: The number of values is not a multiple of nu, or a value is not finite or too large.
+    """
+    values = np.asarray(ctrl, np.float64)
+    if not values.size:
+        return np.empty((0, nu))
+    if nu == 0:
+        raise RequestError(f"ctrl has {values.size} values, but the model has no actuator; leave ctrl empty")
+    if values.size % nu:
+        raise RequestError(
+            f"ctrl has {values.size} values; it must have {rows} * {nu}, because the model has {nu} actuators"
+        )
+    # NaN fails the comparison too.
+    valid = np.abs(values) < mujoco.mjMAXVAL
+    if not valid.all():
+        first = int(np.argmin(valid))
+        raise RequestError(
+            f"ctrl[{first}] is {values[first]:g} (row {first // nu}, actuator {first % nu}); it must be finite and its "
+            f"absolute value below {mujoco.mjMAXVAL:g}"
+        )
+    return values.reshape(-1, nu)
