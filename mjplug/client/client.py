@@ -2,9 +2,9 @@
 
 import atexit
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
-from typing import Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import zenoh
 
@@ -22,6 +22,12 @@ from mjplug_schemas import names
 from mjplug_schemas.message import Message
 from mjplug_schemas.mjplug_msgs import RestoreState, SaveState, Snapshot
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mjplug.client.driver import Arrays, StepResult
+    from mjplug.client.wire_driver import WireDriver
 
 M = TypeVar("M")
 
@@ -45,6 +51,7 @@ class Client(Graph):
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._called: dict[str, ServiceInfo] = {}
+        self._driver: WireDriver | None = None
         # If a program does not close the client, Zenoh's threads may otherwise keep the process alive.
         atexit.register(self.close)
 
@@ -248,6 +255,91 @@ class Client(Graph):
         snapshot: Snapshot = self.call("~/restore_state", request, timeout=timeout).snapshot
         return snapshot
 
+    def step(
+        self,
+        n: int = 1,
+        ctrl: "ArrayLike | None" = None,
+        inputs: Mapping[str, Any] | None = None,
+        observe: Sequence[str] = ("qpos", "qvel"),
+        outputs: Sequence[str] = (),
+        timeout: float | None = None,
+    ) -> "StepResult":
+        """Takes steps of the paused server `~`, in one request. Needs numpy.
+
+        From its first step on, only this client can step the server, until it calls `release` or is closed.
+
+        Args:
+            n: Number of physics steps for each action; 0 takes no step.
+            ctrl: Controls, shape (nu,); or (k, nu) for k actions, which are applied one after the other for `n` steps
+                each. None keeps the present controls.
+            inputs: Messages that the server handles before the first step, by topic: a message, nested dictionaries of
+                its fields, or a list of them.
+            observe: Arrays of mjData to return after each action.
+            outputs: Topics whose message after the last step is returned.
+            timeout: How long to wait [s]; None is 1 ms per step plus 10 s.
+
+        Returns:
+            The observed arrays: `result["qpos"]` has the shape that it has in MuJoCo, with one more dimension of
+            length k in front if `ctrl` has two dimensions; and `result.message(topic)`.
+
+        Raises:
+            RequestRefused: The server refuses the request, or could not take all steps; the reason says how many.
+            TimedOutError: No response arrived in time.
+            WrongTypeError: An argument has the wrong shape, or an input the wrong type.
+        """
+        return self._stepping().step(n, ctrl, inputs, observe, outputs, timeout)
+
+    def rollout(
+        self,
+        actions: "ArrayLike",
+        n: int = 1,
+        inputs: Mapping[str, Any] | None = None,
+        observe: Sequence[str] = ("qpos", "qvel"),
+        outputs: Sequence[str] = (),
+        timeout: float | None = None,
+    ) -> "StepResult":
+        """Takes steps with one row of `actions`, shape (k, nu), after the other, in one request.
+
+        The arguments, results and errors are those of `step`.
+        """
+        return self._stepping().rollout(actions, n, inputs, observe, outputs, timeout)
+
+    def simulate(
+        self,
+        actions: "ArrayLike",
+        n: int = 1,
+        state: str = "",
+        observe: Sequence[str] = ("qpos", "qvel"),
+        file: bool = False,
+        timeout: float | None = None,
+    ) -> "Arrays":
+        """Simulates sequences of actions in copies of the state, on several threads. The server itself does not step.
+
+        Only MuJoCo takes these steps: plugins neither act nor publish.
+
+        Args:
+            actions: Controls of B sequences of k actions, shape (B, k, nu).
+            n: Number of physics steps for each action.
+            state: Saved state to start from; empty for the present state.
+            observe: Arrays to return after each action: `qpos`, `qvel`, `act` and `sensordata`.
+            file: Whether the saved state is in a file.
+            timeout: How long to wait [s]; None is 1 ms per step plus 10 s.
+
+        Returns:
+            The observed arrays by name, each with the shape (B, k, ...).
+
+        Raises:
+            RequestRefused: The server refuses the request.
+            TimedOutError: No response arrived in time.
+            WrongTypeError: An argument has the wrong shape.
+        """
+        return self._stepping().simulate(actions, n, state, observe, file, timeout)
+
+    def release(self) -> None:
+        """Lets other clients step the server; the next `step` owns it again."""
+        if self._driver is not None:
+            self._driver.release()
+
     def close(self) -> None:
         """Closes all subscriptions and publishers and the session; a second call does nothing."""
         atexit.unregister(self.close)
@@ -269,6 +361,21 @@ class Client(Graph):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _service_called(self, name: str) -> ServiceInfo:
+        """Returns the entry of a service, from an earlier call if there was one, because a lookup takes longer."""
+        service = self._called.get(name)
+        if service is None:
+            service = self._called[name] = self.service(name)
+        return service
+
+    def _stepping(self) -> "WireDriver":
+        if self._driver is None:
+            # Imported when it is used, because it needs numpy, and the rest of the client does not.
+            from mjplug.client.wire_driver import WireDriver  # noqa: PLC0415
+
+            self._driver = WireDriver(self, self._service_called)
+        return self._driver
 
     def _choose(self, name: str, kind: Any, raw: bool = False) -> tuple[str, TopicInfo | None, Any]:
         """Returns the full name of a topic, its entry in the lists of servers, and the message class.

@@ -44,7 +44,15 @@ def default_timeout(request: Any, speed: float) -> float:
     return MARGIN + simulated_time(request) / speed
 
 
-def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[Service] | None, timeout: float) -> Any:
+def send(
+    session: zenoh.Session,
+    service: ServiceInfo,
+    request: Any,
+    kind: type[Service] | None,
+    timeout: float,
+    parameters: str = "",
+    packed: bool = False,
+) -> Any:
     """Sends a request and waits for its response.
 
     Args:
@@ -53,6 +61,8 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
         request: A message of the request's class, or nested dictionaries if `kind` is None.
         kind: The service's class; None exchanges JSON.
         timeout: How long to wait [s].
+        parameters: Parameters of the selector, such as `owner=me`.
+        packed: Whether sequences of numbers in the response are memoryviews; see `Message.from_cdr`.
 
     Returns:
         The response, a message or nested dictionaries.
@@ -64,7 +74,7 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
     replies: queue.SimpleQueue[zenoh.Reply | None] = queue.SimpleQueue()
     as_json = kind is None or not isinstance(request, Message)
     session.get(
-        service.key,
+        f"{service.key}?{parameters}" if parameters else service.key,
         Callback(replies.put, drop=lambda: replies.put(None), indirect=False),
         payload=to_json(request) if as_json else request.to_cdr(),
         encoding=zenoh.Encoding.APPLICATION_JSON if as_json else encoding_of("cdr", type(request)),
@@ -84,7 +94,10 @@ def send(session: zenoh.Session, service: ServiceInfo, request: Any, kind: type[
     if reply.ok is None:
         assert reply.err is not None
         raise RequestRefused(service.name, reply.err.payload.to_string())
-    return _response(reply.ok.payload.to_bytes(), None if as_json else kind)
+    payload = reply.ok.payload.to_bytes()
+    if as_json or kind is None:
+        return json.loads(payload)
+    return kind.Response.from_cdr(payload, packed=packed)
 
 
 def check(service: ServiceInfo, response: Any) -> None:
@@ -93,13 +106,9 @@ def check(service: ServiceInfo, response: Any) -> None:
     Raises:
         RequestRefused: The response contains `success: false`.
     """
+    if not isinstance(response, dict) and getattr(response, "success", True) is not False:
+        return
     fields = response if isinstance(response, dict) else dict(response)
     if fields.get("success") is False:
         reason = next((fields[name] for name in _REASONS if isinstance(fields.get(name), str)), "")
         raise RequestRefused(service.name, reason, response)
-
-
-def _response(payload: bytes, kind: type[Service] | None) -> Any:
-    if kind is None:
-        return json.loads(payload)
-    return kind.Response.from_cdr(payload)

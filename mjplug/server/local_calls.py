@@ -1,10 +1,12 @@
 """Requests to a server's services from its own process, without a network."""
 
+import threading
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic, Transport
+from mjplug.errors import UnknownName
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
@@ -46,6 +48,28 @@ class LocalCall:
         if not self.answered:
             self.refusal = reason
         self.answers += 1
+
+
+class AwaitedCall(LocalCall):
+    """A request for whose answer another thread than the physics thread waits.
+
+    Attributes:
+        ended: Set when there is an answer.
+    """
+
+    def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
+        super().__init__(request, parameters)
+        self.ended = threading.Event()
+
+    def respond(self, response: Message) -> None:
+        """Stores the response, and wakes the thread that waits."""
+        super().respond(response)
+        self.ended.set()
+
+    def refuse(self, reason: str) -> None:
+        """Stores the reason, and wakes the thread that waits."""
+        super().refuse(reason)
+        self.ended.set()
 
 
 class LocalCalls:
@@ -92,17 +116,31 @@ class LocalCalls:
         """Watches liveliness tokens, with existing ones."""
         self._transport.watch_tokens(keys, changed)
 
-    def send(self, type: type[Service], request: Message) -> LocalCall:
-        """Sends a request to the first service of a type. The server declares its own services before those of plugins.
+    def find(self, name: str) -> ServiceName:
+        """Returns the service of a full name.
+
+        Raises:
+            UnknownName: There is no such service.
+        """
+        for service in tuple(self._services):
+            if service.name == name:
+                return service
+        raise UnknownName("service", name, self.names)
+
+    @property
+    def names(self) -> list[str]:
+        """Full names of all services."""
+        return sorted(service.name for service in tuple(self._services))
+
+    def first(self, type: type[Service]) -> ServiceName:
+        """Returns the first service of a type. The server declares its own services before those of plugins."""
+        return next(service for service in self._services if service.type is type)
+
+    def send(self, service: ServiceName, call: LocalCall) -> None:
+        """Sends a request, which the physics thread answers. May be called from any thread.
 
         Args:
-            type: The service's class.
-            request: The request.
-
-        Returns:
-            The call; the physics thread answers it.
+            service: The service.
+            call: The request, and later the answer.
         """
-        deliver = next(deliver for service, deliver in self._services.items() if service.type is type)
-        call = LocalCall(request)
-        deliver(call)
-        return call
+        self._services[service](call)

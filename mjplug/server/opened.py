@@ -6,13 +6,14 @@ of its own or the thread of the caller.
 
 import logging
 import threading
+import uuid
 from collections.abc import Callable
 from contextlib import ExitStack
 from time import monotonic, perf_counter
 
 from mjplug.config.instance_names import instance_names
 from mjplug.errors import MjplugError, RequestError
-from mjplug.server.local_calls import LocalCalls
+from mjplug.server.local_calls import LocalCall, LocalCalls
 from mjplug.server.prepared import Prepared
 from mjplug.server.readiness import wait_until_ready
 from mjplug.server.rehearsal import rehearse
@@ -41,6 +42,8 @@ class OpenedServer:
         server: The loop, the services and the plugins.
         network: Its transport.
         has_roles: Whether the Zenoh configuration file gives clients roles.
+        calls: Requests from its own process.
+        owner: The parameters of requests for steps from its own process.
 
     Args:
         prepared: As above. It is closed with the server, and also if the server cannot be opened.
@@ -72,12 +75,15 @@ class OpenedServer:
             closing.callback(lambda: self.network.close(self._reason))
             workers = ProcessWorkerPool(wanted, self.network.session.endpoints)
             closing.callback(workers.close)
-            self._calls = LocalCalls(self.network)
+            self.calls = LocalCalls(self.network)
             folder = prepared.loaded.states_folder
             self.server = Server(
-                settings, simulation, self._calls, prepared.plugins, workers, model.described_by, folder
+                settings, simulation, self.calls, prepared.plugins, workers, model.described_by, folder
             )
             closing.callback(self.server.end)
+            # The program that runs the server steps it as a client that is always present.
+            self.owner = {"owner": f"local-{uuid.uuid4().hex}"}
+            self.server.ownership.changed(self.owner["owner"], present=True)
             rates = TopicRates(self.network, perf_counter())
             self.server.loop.on_second.insert(0, rates.refresh)
             self.server.diagnostics.add("wire", WireDiagnostics(self.network).diagnose)
@@ -128,7 +134,8 @@ class OpenedServer:
             loop.step(0)
             self._check_running()
         else:
-            call = self._calls.send(StepSimulation, StepSimulation.Request(steps=steps))
+            call = LocalCall(StepSimulation.Request(steps=steps), self.owner)
+            self.calls.send(self.calls.first(StepSimulation), call)
             self.serve_until(lambda: call.answered)
             if call.refusal is not None:
                 raise RequestError(call.refusal)

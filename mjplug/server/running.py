@@ -21,6 +21,8 @@ from mjplug.client import Client
 from mjplug.client.connection import Timeouts, open_client
 from mjplug.errors import MjplugError
 from mjplug.log_scope import LogScope
+from mjplug.server.local_calls import LocalCall
+from mjplug.server.local_client import LocalClient
 from mjplug.server.opened import OpenedServer
 from mjplug.server.prepared import Prepared
 from mjplug.server.whereabouts import whereabouts
@@ -56,6 +58,7 @@ class RunningServer:
         self._prepared = prepared
         self._scope = scope
         self._clients: WeakSet[Client] = WeakSet()
+        self._local: LocalClient | None = None
         self._failure: BaseException | None = None
         self._raised = False
         self._stopped = False
@@ -119,6 +122,25 @@ class RunningServer:
         client = open_client(self.endpoint, self.name, Timeouts(timeout, timeout), config, self._client_class())
         self._clients.add(client)
         return client
+
+    @property
+    def local(self) -> LocalClient:
+        """A client without a network: it steps the server as `Client` does, with the same results.
+
+        With `run=False`, only the thread that opened the server may use it; with `run=True`, any thread but the physics
+        thread.
+
+        Raises:
+            MjplugError: This thread must not use it, or the server has been stopped.
+        """
+        if self._thread is None:
+            self._check_stepping_thread("local")
+        elif self._stopped or threading.current_thread() is self._thread:
+            raise MjplugError(f"local: {self.name} was stopped, or this is its physics thread")
+        if self._local is None:
+            serve = self._serve_locally if self._thread is None else None
+            self._local = LocalClient(self.name, self._opened, serve, lambda: self.running)
+        return self._local
 
     def step(self, steps: int = 1) -> None:
         """Takes physics steps, as a request to `~/step_simulation` does. Only with `run=False`.
@@ -280,6 +302,12 @@ class RunningServer:
             raise MjplugError(f"the server {self.name} has been stopped")
         if self._stepping_thread is not threading.current_thread():
             raise MjplugError(f"{what}: {self.name} belongs to the thread that opened it")
+
+    def _serve_locally(self, call: LocalCall) -> None:
+        """Handles requests on the stepping thread until a call is answered."""
+        self._check_stepping_thread("local")
+        with self._scope.active():
+            self._keeping_failure(lambda: self._opened.serve_until(lambda: call.answered))
 
     def _serve_while(self, wait: Callable[[], T]) -> T:
         """Calls `wait`, which waits for the server, on another thread, and handles requests until it returns."""

@@ -47,6 +47,8 @@ class Server:
         loop: The physics loop.
         plugins: The running plugins by instance name.
         diagnostics: The diagnostics of the server and its plugins.
+        topics: The topics of the server and its plugins.
+        ownership: Which client steps the server.
         on_stopping: Called when the loop has ended, before requests are cancelled and plugins are cleaned up.
 
     Args:
@@ -82,7 +84,7 @@ class Server:
         self._model_file = model_file
         self.diagnostics = Diagnostics()
         self._changeable = ChangeableParameters()
-        self._topics = Topics()
+        self.topics = Topics()
         self._cleanups = ExitStack()
         self._times = PluginTimes(self.loop, perf_counter())
         # Before the diagnostics are published.
@@ -93,8 +95,8 @@ class Server:
             service.offer(host, self.loop)
         limits = states.Limits(settings.snapshots.max_states, settings.snapshots.max_bytes)
         self._cleanups.callback(states.offer(host, self.loop, sim.seed, __version__, limits, states_folder))
-        ownership = stepping.offer(host, self.loop, transport, self._topics, names.key(name))
-        step_simulation.offer(host, self.loop, ownership)
+        self.ownership = stepping.offer(host, self.loop, transport, self.topics, names.key(name))
+        step_simulation.offer(host, self.loop, self.ownership)
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
@@ -185,7 +187,7 @@ class Server:
             self._times.add(name),
             names.frame_prefix,
             self._changeable,
-            self._topics,
+            self.topics,
         )
 
     @staticmethod

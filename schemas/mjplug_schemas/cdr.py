@@ -18,7 +18,7 @@ from mjplug_schemas.errors import CodecError
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.shape import fields
 
-__all__ = ["Span", "decode", "encode", "encode_with_layout"]
+__all__ = ["Span", "decode", "encode", "encode_with_layout", "unchecked"]
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -30,6 +30,16 @@ _set_fields_set, _set_extra, _set_private = (
 )
 # Cyclone DDS pads messages with zeros to a multiple of 4. More bytes indicate a message of another type.
 _MAX_PADDING = 3
+
+
+def unchecked(message: type[M], values: dict[str, Any]) -> M:
+    """Returns a message with the given values of all its fields, which are not validated."""
+    built = message.__new__(message)
+    built.__dict__.update(values)
+    _set_fields_set(built, set(values))
+    _set_extra(built, None)
+    _set_private(built, None)
+    return built
 
 
 def encode(message: BaseModel) -> bytes:

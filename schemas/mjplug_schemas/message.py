@@ -37,6 +37,16 @@ class Message(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         shape.check(cls)
 
+    @classmethod
+    def unchecked(cls, **values: Any) -> Self:
+        """Returns a message without validation, in a tenth of the time of `model_construct`.
+
+        Args:
+            **values: All fields, with valid values. Sequences of numbers may be memoryviews of numbers of their type;
+                such a message can be encoded in CDR, but not in JSON.
+        """
+        return cdr.unchecked(cls, values)
+
     def to_cdr(self) -> bytes:
         """Returns the message in little-endian CDR, including the 4-byte header.
 

@@ -98,6 +98,11 @@ class Ownership:
             for callback in self.on_left:
                 callback(name)
 
+    def release(self, name: str) -> None:
+        """Ends the ownership of a client whose token still exists; does nothing if it is not the owner."""
+        if name == self.owner:
+            self.owner = ""
+
     def expire(self, now: float) -> None:
         """Ends the waits for tokens that have not appeared; called about once a second with the wall time [s]."""
         for name in [name for name, (began, _) in self._awaited.items() if now - began >= MAX_TOKEN_WAIT]:

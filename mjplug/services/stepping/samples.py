@@ -113,7 +113,7 @@ class Outputs:
             text = topic.type.from_cdr(cdr).to_json().decode()
             return Sample(topic=topic.name, type=topic.type.TYPE, json_text=text, fresh=fresh)
         # Not validated, because that would copy large messages.
-        return Sample.model_construct(topic=topic.name, type=topic.type.TYPE, cdr=cdr, json_text="", fresh=fresh)
+        return Sample.unchecked(topic=topic.name, type=topic.type.TYPE, cdr=cdr, json_text="", fresh=fresh)
 
 
 def _check_number(what: str, count: int) -> None:

@@ -17,6 +17,7 @@ from mjplug.services.stepping.actions import MAX_ACTIONS, control_rows
 from mjplug.services.stepping.arrays import Observed, check_count
 from mjplug.services.stepping.ownership import Ownership
 from mjplug.services.stepping.samples import Inputs, Outputs
+from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.mjplug_msgs import Step
 
 _MAX_CACHED = 64
@@ -38,7 +39,7 @@ def offer(host: Host, loop: Loop, transport: BytesTransport, topics: Topics, key
     """
     tokens = f"{key}/@step"
     ownership = Ownership(tokens)
-    stepping = _Stepping(host, loop, topics, ownership)
+    stepping = _Stepping(loop, topics, ownership)
 
     def changed(token: str, present: bool) -> None:
         name = token.rpartition("/")[2]
@@ -75,8 +76,7 @@ class _Plan:
 
 
 class _Stepping:
-    def __init__(self, host: Host, loop: Loop, topics: Topics, ownership: Ownership) -> None:
-        self._host = host
+    def __init__(self, loop: Loop, topics: Topics, ownership: Ownership) -> None:
         self._loop = loop
         self._topics = topics
         self._ownership = ownership
@@ -160,14 +160,15 @@ class _Stepping:
         return self._response(plan, values, call)
 
     def _response(self, plan: _Plan, values: Any, call: Call) -> Step.Response:
-        host, simulation = self._host, self._loop.simulation
+        simulation = self._loop.simulation
+        seconds, nanoseconds = divmod(simulation.time_ns, 1_000_000_000)
         observations: Any = tuple(values.tolist()) if call.form == "json" else float_view(values)
         # Not validated: that would take long for many numbers, and all values are known to be valid.
-        return Step.Response.model_construct(
+        return Step.Response.unchecked(
             success=True,
             message="",
             step=simulation.step,
-            stamp=host.now(),
+            stamp=Time.unchecked(sec=seconds, nanosec=nanoseconds),
             epoch=simulation.epoch,
             observations=observations,
             widths=plan.observed.widths,
