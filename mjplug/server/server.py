@@ -32,6 +32,7 @@ from mjplug.services import (
     step_simulation,
 )
 from mjplug.services.plugin_times import PluginTimes
+from mjplug.services.rollout import service as rollout
 from mjplug.services.states import service as states
 from mjplug.services.stepping import service as stepping
 from mjplug.services.view import service as view
@@ -97,6 +98,7 @@ class Server:
         self._cleanups.callback(states.offer(host, self.loop, sim.seed, __version__, limits, states_folder))
         self.ownership = stepping.offer(host, self.loop, transport, self.topics, names.key(name))
         step_simulation.offer(host, self.loop, self.ownership)
+        self._cleanups.callback(rollout.offer(host, self.loop))
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)

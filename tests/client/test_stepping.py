@@ -107,6 +107,20 @@ def test_wrong_requests_are_refused_with_a_sentence(driver):
     assert driver.step(0).step == 0
 
 
+def test_sequences_are_simulated_in_copies(driver, model):
+    controls = np.random.default_rng(4).normal(size=(3, 8, 1))
+    results = driver.simulate(controls, 2, observe=["qvel", "ctrl"])
+    assert results["qvel"].shape == (3, 8, 2)
+    assert np.array_equal(results["ctrl"], controls)
+    for sequence, qvel in zip(controls, results["qvel"], strict=True):
+        assert np.array_equal(qvel, alone(model, sequence, 2)[1])
+    assert driver.step(0).step == 0
+    with pytest.raises(WrongTypeError, match=r"actions have the shape \(8, 1\); it must be \(B, k, nu\)"):
+        driver.simulate(controls[0])
+    with pytest.raises(RequestRefused, match="unknown array in observe 'xpos'"):
+        driver.simulate(controls, observe=["xpos"])
+
+
 def test_a_running_simulation_is_not_stepped(mjplug_server):
     server = mjplug_server(CART_POLE)
     for driver in (server.local, server.client()):
@@ -145,7 +159,10 @@ def eventually(act):
 
 def test_the_steps_of_a_client_that_is_killed_end(mjplug_server):
     server = mjplug_server(CART_POLE, paused=True)
-    code = "import sys, mjplug.client as c; c = c.connect(sys.argv[1]); c.step(); print('ready', flush=True); c.step(10**9)"
+    code = (
+        "import sys, mjplug.client; client = mjplug.client.connect(sys.argv[1]); client.step(); "
+        "print('ready', flush=True); client.step(10**9)"
+    )
     child = subprocess.Popen([sys.executable, "-c", code, server.endpoint], stdout=subprocess.PIPE, text=True)
     try:
         assert child.stdout.readline() == "ready\n"
@@ -177,5 +194,8 @@ def test_a_server_that_was_stopped_cannot_be_stepped(mjplug_server):
 
 
 def test_the_client_imports_numpy_only_to_step():
-    code = "import sys, mjplug.client; assert 'numpy' not in sys.modules; import mjplug.client.driver; assert 'mujoco' not in sys.modules"
+    code = (
+        "import sys, mjplug.client; assert 'numpy' not in sys.modules; "
+        "import mjplug.client.wire_driver; assert 'mujoco' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,1 @@
+"""`~/rollout`: simulates sequences of controls in copies of the state, on threads of their own."""
