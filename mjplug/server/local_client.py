@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+import mujoco
+
 from mjplug.client.driver import Driver
 from mjplug.client.errors import RequestRefused, TimedOutError, UnknownNameError, WrongTypeError
 from mjplug.client.types import Fields, as_message
@@ -36,6 +38,11 @@ class LocalClient(Driver):
         self._running = running
         self._name = name
         self._services: dict[str, ServiceName] = {}
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, to be read only."""
+        return self._opened.prepared.simulation.model
 
     def call(
         self, name: str, message: Message | Fields | None = None, *, timeout: float | None = None, **fields: Any
