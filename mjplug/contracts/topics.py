@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mjplug.contracts.cdr_frame import CdrFrame
+from mjplug.contracts.remote_samples import RemoteSamples
 from mjplug.contracts.transport import Publisher, Topic
 from mjplug.errors import UnknownName
 from mjplug_schemas.message import Message
@@ -33,6 +34,8 @@ class PublishedTopic:
         topic: The topic.
         publisher: Its publisher.
         sample: Returns the message for the present state; None if only the publisher's own messages are available.
+        remote: The samples of the worker process that publishes the topic, and the index of the publisher there; None
+            if this process publishes it.
 
     Args:
         topic: As above.
@@ -55,6 +58,7 @@ class PublishedTopic:
         self.sample = sample
         self._wake = wake
         self._step = step
+        self.remote: tuple[RemoteSamples, int] | None = None
         self._observers = 0
         self._newest: tuple[int, Message | bytes] | None = None
         # The last message of a latched topic is part of the topic, so it is always kept.
@@ -64,7 +68,7 @@ class PublishedTopic:
 
     def observe(self) -> None:
         """Keeps the messages from now on, until `leave` has been called as often as `observe`."""
-        if self.sample is not None:
+        if self.sample is not None or self.remote is not None:
             return
         self._observers += 1
         if not self._latched and self._observers == 1:
@@ -74,7 +78,7 @@ class PublishedTopic:
 
     def leave(self) -> None:
         """Ends an observation."""
-        if self.sample is not None:
+        if self.sample is not None or self.remote is not None:
             return
         self._observers -= 1
         if not self._latched and self._observers == 0:

@@ -2,12 +2,11 @@
 
 from typing import Any
 
-import gymnasium
 import mujoco
 import numpy as np
 
 from mjplug.client.driver import StepResult
-from mjplug.gym.env import Array, MjplugEnv, Start
+from mjplug.gym.env import Array, MjplugEnv, Start, unit_box
 
 _JOINTS = ("joint1", "joint2")
 _HAND = "ee_link"
@@ -41,7 +40,7 @@ class ArmReach(MjplugEnv):
             observe=("qpos", "qvel", "site_xpos"),
             steps=10,
             render_mode=render_mode,
-            action_space=gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64),
+            action_space=unit_box(2),
             camera="/camera/camera/color",
             **options,
         )

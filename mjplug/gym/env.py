@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any, ClassVar
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -46,7 +46,8 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         model: The compiled model, to be read only; None with a `Client`.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
+    # gymnasium declares it as a variable of instances.
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -57,7 +58,7 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         start: Callable[[np.random.Generator], Start] | None = None,
         observe: Sequence[str] = DEFAULT_OBSERVE,
         steps: int = 1,
-        action_space: gymnasium.spaces.Box | None = None,
+        action_space: gymnasium.Space[Array] | None = None,
         render_mode: str | None = None,
         camera: str = "",
         **options: Any,
@@ -80,11 +81,12 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
             raise
         self.action_space = action_space or _controls(self.model, first["ctrl"].size)
         size = self.observation_of(first).size
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
+        space: Any = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
+        self.observation_space = space
 
     @property
-    def driver(self) -> "Client | LocalClient":
-        """The client that steps the server."""
+    def driver(self) -> Any:
+        """The client that steps the server: a `Client` or a `LocalClient`."""
         return self._driver
 
     def observation_of(self, result: StepResult) -> Array:
@@ -169,10 +171,17 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         return opened.local, opened.local.model
 
 
-def _controls(model: Any, nu: int) -> gymnasium.spaces.Box:
+def unit_box(size: int) -> gymnasium.Space[Array]:
+    """Returns the space of vectors whose elements are from -1 to 1."""
+    space: Any = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float64)
+    return cast("gymnasium.Space[Array]", space)
+
+
+def _controls(model: Any, nu: int) -> gymnasium.Space[Array]:
     """Returns the space of the controls: their limits in the model; infinite if there is no limit or no model."""
     low, high = np.full(nu, -np.inf), np.full(nu, np.inf)
     if model is not None:
         limited = np.asarray(model.actuator_ctrllimited, bool)
         low[limited], high[limited] = model.actuator_ctrlrange[limited].T
-    return gymnasium.spaces.Box(low, high, (nu,), np.float64)
+    space: Any = gymnasium.spaces.Box(low, high, (nu,), np.float64)
+    return cast("gymnasium.Space[Array]", space)

@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import gymnasium
 import numpy as np
 
 from mjplug.client.driver import StepResult
-from mjplug.gym.env import Array, MjplugEnv, Start
+from mjplug.gym.env import Array, MjplugEnv, Start, unit_box
 
 _LEGS, _PARTS = ("FL", "FR", "RL", "RR"), ("hip", "thigh", "calf")
 _STANDING = np.array([0.0, 0.8, -1.6] * 4)
@@ -40,7 +39,7 @@ class QuadrupedStand(MjplugEnv):
             "bundled:quadruped",
             steps=10,
             render_mode=render_mode,
-            action_space=gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float64),
+            action_space=unit_box(12),
             camera="/camera/overview/color",
             **options,
         )

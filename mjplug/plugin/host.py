@@ -4,7 +4,7 @@
 updates before every step, velocities, controls, worker processes, diagnostics and changeable parameters.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
+from mjplug.contracts.remote_samples import RemoteSamples
 from mjplug.contracts.topics import Topics
 from mjplug.contracts.transport import Publisher, Transport
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
@@ -156,6 +157,7 @@ class Host(NodeView):
         on_ready: Callable[[str], None] | None = None,
         on_done: Callable[[Job, Any], None] | None = None,
         on_lost: Callable[[frozenset[str], str], None] | None = None,
+        sample_tasks: Mapping[Publisher[Any], Iterable[str]] | None = None,
     ) -> Worker:
         """Runs work that is too slow for the physics thread in a worker process.
 
@@ -172,9 +174,17 @@ class Host(NodeView):
             on_ready: Called with the text that `Work.open` returned, each time the work has been opened.
             on_done: Called with each completed job and the return value of `perform`.
             on_lost: Called with the tasks that will not be performed, and the reason.
+            sample_tasks: The tasks that publish the topic of each publisher. With `sync`, clients that step the
+                simulation with `~/step` then get a sample of the topic for the state after their last step.
         """
         # While the token of a worker is in the loop's set, the loop takes no step.
         token, lockstep = object(), self._loop.lockstep
+        tasks = [tuple((sample_tasks or {}).get(publisher, ())) for publisher in publishers]
+        samples = RemoteSamples(
+            sync, tasks, self._guard.guarded(on_done or _nothing), self._guard.guarded(on_lost or _nothing)
+        )
+        for index, publisher in enumerate(publishers):
+            self._published[publisher].remote = samples, index
         spec = WorkerSpec(
             self.name,
             work,
@@ -185,10 +195,11 @@ class Host(NodeView):
             job_timeout,
             lambda block: lockstep.add(token) if block else lockstep.discard(token),
             self._guard.guarded(on_ready or _nothing),
-            self._guard.guarded(on_done or _nothing),
-            self._guard.guarded(on_lost or _nothing),
+            samples.done,
+            samples.lost,
         )
-        return self._workers.start(spec, self._simulation, self._loop.inbox)
+        samples.worker = self._workers.start(spec, self._simulation, self._loop.inbox)
+        return samples.worker
 
     def create_diagnostic(self, name: str, task: Callable[[], Diagnosis]) -> None:
         """Adds a status to `/diagnostics`, as diagnostic_updater's `add` does.

@@ -75,6 +75,7 @@ class NodeView(WorldView):
         self._stopwatch = stopwatch
         self._topics = topics
         self._guard = Guard(name, self.logger, loop, stopwatch, disable_on_error)
+        self._published: dict[Publisher[Any], PublishedTopic] = {}
         # The timers that sleep while none of their publishers has a subscriber.
         self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
 
@@ -139,6 +140,7 @@ class NodeView(WorldView):
         self._timers_by_publisher[publisher] = timers
         published = PublishedTopic(topic, publisher, sample, wake_timers, lambda: self.step)
         self._topics.published.setdefault(topic.name, []).append(published)
+        self._published[publisher] = published
         return publisher
 
     def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:

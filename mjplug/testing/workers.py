@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mjplug.contracts.remote_samples import perform
 from mjplug.contracts.work import Job, UnavailableError, Work, WorkerSpec, WorkerStatus
 from mjplug.physics import snapshot
 from mjplug.physics.inbox import Inbox
@@ -89,7 +90,7 @@ class InlineWorker:
         (job, state), self._waiting = self._waiting, None
         snapshot.load(self._model, self._data, state)
         # Pickled, as between processes.
-        report: Any = pickle.loads(pickle.dumps(self.work.perform(self._data, job)))
+        report: Any = pickle.loads(pickle.dumps(perform(self.work, self._data, job, self.spec.publishers)))
         self.status.performed += 1
         self._inbox.post(lambda: self.spec.on_done(job, report))
 

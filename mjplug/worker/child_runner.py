@@ -10,6 +10,7 @@ from typing import Any
 import mujoco
 import zenoh
 
+from mjplug.contracts.remote_samples import perform
 from mjplug.contracts.work import Job, Work
 from mjplug.physics import process, snapshot
 from mjplug.wire.bytes_endpoints import RemoteBytesSpec
@@ -52,6 +53,7 @@ class ChildRunner:
         self._data = mujoco.MjData(self._model)
         self._slots = SharedStates.attach(states, snapshot.size(self._model)).slots
         self._session: zenoh.Session | None = None
+        self._publishers: list[Any] = []
         self._writers: list[KeyWriter] = []
         self._waited: dict[KeyWriter, float] = {}
         self._matched = threading.Event()
@@ -68,12 +70,12 @@ class ChildRunner:
         """
         setup = self._setup
         session = self._session = join(setup.session, setup.endpoints)
-        publishers = [spec.open(session, self._matched.set) for spec in setup.publishers]
+        publishers = self._publishers = [spec.open(session, self._matched.set) for spec in setup.publishers]
         self._writers = [writer for publisher in publishers for writer in publisher.writers]
         return setup.work.open(self._model, publishers, logger)
 
     def perform(self, slot: int, job: Job, matched: Sequence[bool], lag: float) -> Any:
-        """Performs a job with the state in a slot; returns the result of `Work.perform`.
+        """Performs a job with the state in a slot; returns the result of `Work.perform`, in a `Sampled` with samples.
 
         Args:
             slot: Index of the slot with the state.
@@ -83,7 +85,7 @@ class ChildRunner:
         """
         self._wait_for_matches(matched, lag)
         snapshot.load(self._model, self._data, self._slots[slot])
-        return self._setup.work.perform(self._data, job)
+        return perform(self._setup.work, self._data, job, self._publishers)
 
     def close(self) -> None:
         """Closes the work and the session."""

@@ -176,3 +176,16 @@ def test_environments_run_in_parallel_processes(tmp_path):
     program = tmp_path / "parallel.py"
     program.write_text(PARALLEL)
     subprocess.run([sys.executable, program], check=True, timeout=120)
+
+
+def test_the_camera_shows_the_state_of_the_environment(gl):
+    env = gymnasium.make("mjplug/ArmReach-v0", render_mode="rgb_array").unwrapped
+    env.reset(seed=1)
+    image = env.render()
+    assert (image.shape, image.dtype) == ((240, 320, 3), np.uint8)
+    assert image.std() > 5.0
+    assert np.array_equal(env.render(), image)
+    for _ in range(20):
+        env.step(np.array([0.6, 0.6]))
+    assert not np.array_equal(env.render(), image)
+    env.close()

@@ -1,10 +1,12 @@
 """Messages in a step request, and samples of topics in its response. Physics thread only."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack
 
+from mjplug.contracts.remote_samples import RemoteSamples
 from mjplug.contracts.topics import PublishedTopic, ReadTopic, Topics
 from mjplug.errors import RequestError
+from mjplug.physics.scheduler import Event
 from mjplug_schemas.errors import CodecError
 from mjplug_schemas.message import Message
 from mjplug_schemas.mjplug_msgs import Sample
@@ -87,9 +89,17 @@ class Outputs:
         self._published: list[PublishedTopic] = []
         for i, name in enumerate(names):
             try:
-                self._published += topics.publishers(name)
+                published = topics.publishers(name)
             except RequestError as error:
                 raise RequestError(f"outputs[{i}]: {error}") from None
+            for one in published:
+                try:
+                    if one.remote is not None:
+                        one.remote[0].check(one.remote[1])
+                except RequestError as error:
+                    raise RequestError(f"outputs[{i}] ({name}): {error}") from None
+            self._published += published
+        self._fetched: dict[PublishedTopic, bytes] = {}
         self._form = form
         self._observations = ExitStack()
 
@@ -102,13 +112,37 @@ class Outputs:
     def __exit__(self, *_: object) -> None:
         self._observations.close()
 
+    def fetch(self) -> Generator[Event, None, None]:
+        """Fetches the samples that worker processes make of the present state; yields what to wait for.
+
+        Raises:
+            RequestError: A worker process could not make them.
+        """
+        by_worker: dict[RemoteSamples, list[PublishedTopic]] = {}
+        for published in self._published:
+            if published.remote is not None:
+                by_worker.setdefault(published.remote[0], []).append(published)
+        wanted = {
+            remote: remote.request(one.remote[1] for one in ones if one.remote is not None)
+            for remote, ones in by_worker.items()
+        }
+        for remote, request in wanted.items():
+            yield request.ended
+            if request.failure:
+                names = ", ".join(sorted({one.topic.name for one in by_worker[remote]}))
+                raise RequestError(f"no sample of {names}: {request.failure}; all steps were taken")
+            for one in by_worker[remote]:
+                if one.remote is not None:
+                    self._fetched[one] = request.samples[one.remote[1]]
+
     def samples(self) -> tuple[Sample, ...]:
         """Returns one sample for each publisher of the topics; it is empty if there was no message."""
         return tuple(self._sample(published) for published in self._published)
 
     def _sample(self, published: PublishedTopic) -> Sample:
         topic = published.topic
-        cdr, fresh = published.newest()
+        fetched = self._fetched.get(published)
+        cdr, fresh = published.newest() if fetched is None else (fetched, True)
         if self._form == "json" and cdr:
             text = topic.type.from_cdr(cdr).to_json().decode()
             return Sample(topic=topic.name, type=topic.type.TYPE, json_text=text, fresh=fresh)

@@ -157,6 +157,7 @@ class _Stepping:
                 taken = max(0, simulation.step - goal.start)
                 raise RequestError(f"{goal.failure} ({taken} of {goal.last - goal.start} steps were taken)")
         record()
+        yield from plan.outputs.fetch()
         return self._response(plan, values, call)
 
     def _response(self, plan: _Plan, values: Any, call: Call) -> Step.Response:

@@ -62,6 +62,7 @@ class Camera(Plugin[CameraParameters]):
             on_ready=self._ready,
             on_done=self._done,
             on_lost=self._lost,
+            sample_tasks={publisher: [stream_task(name)] for name, own in publishers.items() for publisher in own},
         )
         rates: dict[float, dict[str, Publishers]] = {}
         for name, own in publishers.items():

@@ -57,6 +57,7 @@ class Lidar(Plugin[PluginParameters]):
             job_timeout=parameters.job_timeout,
             on_done=self._scan_done,
             on_lost=self._scan_lost,
+            sample_tasks={publisher: [name] for name, publisher in self._publishers.items()},
         )
         # Lidars of the same rate share a timer, so that their scans show the same state.
         for rate in sorted({lidar.update_rate for lidar in lidars}):
