@@ -13,6 +13,7 @@ from benchmarks import (
     joints,
     lateness,
     lidar,
+    lockstep,
     publication,
     rmw_zenoh,
     round_trip,
@@ -52,6 +53,7 @@ def main() -> int:
         camera,
         camera_busy,
         round_trip,
+        lockstep,
         lateness,
         view,
     ):

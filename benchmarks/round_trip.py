@@ -17,7 +17,7 @@ from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 
 QUERIES = 300
 
-_BARE = """
+BARE = """
 import sys, zenoh
 config = zenoh.Config()
 config.insert_json5("mode", '"router"')
@@ -49,7 +49,8 @@ def serving_process(*command: str) -> Iterator[str]:
         process.wait(10)
 
 
-def _round_trip(session: zenoh.Session, key: str, payload: bytes) -> float:
+def round_trip(session: zenoh.Session, key: str, payload: bytes) -> float:
+    """Returns the median time of a query [µs]."""
     times = []
     for _ in range(QUERIES):
         began = perf_counter()
@@ -64,19 +65,19 @@ def results() -> list[Result]:
     request = SetPause.Request(paused=False).to_cdr()
     answer = SetPause.Response(success=True, message="the simulation is already running").to_cdr()
     free = "tcp/127.0.0.1:0"
-    bare_arguments = ("-c", _BARE, with_free_port(free), answer.hex())
+    bare_arguments = ("-c", BARE, with_free_port(free), answer.hex())
     served_arguments = ("-m", "mjplug", "serve", SMALL, "--listen", free)
     with (
         serving_process(*bare_arguments) as bare_at,
         serving_process(*served_arguments) as served_at,
         client(bare_at) as bare,
-        client(served_at) as served,
+        client(served_at) as session,
     ):
         return [
             pairs(
                 "round trip of set_pause while running in real time, against a bare Zenoh query",
-                lambda: _round_trip(served, "mjplug/set_pause", request),
-                lambda: _round_trip(bare, "bare", request),
+                lambda: round_trip(session, "mjplug/set_pause", request),
+                lambda: round_trip(bare, "bare", request),
                 "<= 2",
                 "{:.0f} µs",
             )

@@ -6,6 +6,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from camera_scenes import gl  # noqa: F401 - a fixture
 from gymnasium.utils.env_checker import check_env
 
 import mjplug.gym
@@ -178,7 +179,8 @@ def test_environments_run_in_parallel_processes(tmp_path):
     subprocess.run([sys.executable, program], check=True, timeout=120)
 
 
-def test_the_camera_shows_the_state_of_the_environment(gl):
+@pytest.mark.usefixtures("gl")
+def test_the_camera_shows_the_state_of_the_environment():
     env = gymnasium.make("mjplug/ArmReach-v0", render_mode="rgb_array").unwrapped
     env.reset(seed=1)
     image = env.render()

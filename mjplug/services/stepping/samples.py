@@ -1,7 +1,6 @@
 """Messages in a step request, and samples of topics in its response. Physics thread only."""
 
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack
 
 from mjplug.contracts.remote_samples import RemoteSamples
 from mjplug.contracts.topics import PublishedTopic, ReadTopic, Topics
@@ -33,6 +32,9 @@ class Inputs:
     """
 
     def __init__(self, topics: Topics, samples: Sequence[Sample]) -> None:
+        self._messages: list[tuple[list[ReadTopic], Message]] = []
+        if not samples:
+            return
         _check_number("inputs", len(samples))
         for what, most, size in (
             ("", MAX_INPUT_BYTES, sum(len(sample.cdr) for sample in samples)),
@@ -87,6 +89,7 @@ class Outputs:
     def __init__(self, topics: Topics, names: Sequence[str], form: str) -> None:
         _check_number("outputs", len(names))
         self._published: list[PublishedTopic] = []
+        self._fetched: dict[PublishedTopic, bytes] = {}
         for i, name in enumerate(names):
             try:
                 published = topics.publishers(name)
@@ -99,18 +102,16 @@ class Outputs:
                 except RequestError as error:
                     raise RequestError(f"outputs[{i}] ({name}): {error}") from None
             self._published += published
-        self._fetched: dict[PublishedTopic, bytes] = {}
         self._form = form
-        self._observations = ExitStack()
 
     def __enter__(self) -> "Outputs":
         for published in self._published:
             published.observe()
-            self._observations.callback(published.leave)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._observations.close()
+        for published in self._published:
+            published.leave()
 
     def fetch(self) -> Generator[Event, None, None]:
         """Fetches the samples that worker processes make of the present state; yields what to wait for.
@@ -118,6 +119,8 @@ class Outputs:
         Raises:
             RequestError: A worker process could not make them.
         """
+        if not self._published:
+            return
         by_worker: dict[RemoteSamples, list[PublishedTopic]] = {}
         for published in self._published:
             if published.remote is not None:
