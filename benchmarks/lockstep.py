@@ -66,7 +66,10 @@ def _chunks(name: str, file: Path) -> list[Result]:
     controls = np.random.default_rng(0).uniform(-0.1, 0.1, (CHUNK, model.nu))
     bare = _bare_loop(model, controls)
     free = "tcp/127.0.0.1:0"
-    with serving_process("-m", "mjplug", "serve", str(file), "--paused", "--listen", free) as endpoint, connect(endpoint) as far:
+    with (
+        serving_process("-m", "mjplug", "serve", str(file), "--paused", "--listen", free) as endpoint,
+        connect(endpoint) as far,
+    ):
         row = pairs(
             f"one of {CHUNK} steps in one request, {name}, against a Python loop of mj_step that copies qpos and qvel",
             lambda: _time(lambda: far.rollout(controls), _STEPS // CHUNK) / CHUNK,
