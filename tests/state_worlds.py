@@ -77,7 +77,7 @@ class StateWorld(World):
     def __init__(self, folder=None, model=None, seed=7, limits=LIMITS, plugins=True, **options):
         super().__init__(compiled(scene()) if model is None else model, paused=True, **options)
         host = self.host("mjplug", seed=seed)
-        self.close = states.offer(host, self.loop, seed, "1.2.3", limits, folder)
+        self.close = states.offer(host, self.loop, seed, "1.2.3", limits, folder).close
         if plugins:
             self.wrench = self.add(ExternalWrench, "wrench")
             self.add(Heartbeat, "heartbeat", update_rate=7.0, topic="~/beat")

@@ -14,13 +14,13 @@ from mjplug.client.errors import TimedOutError, WrongTypeError
 from mjplug.client.graph import GIVE_TYPE, Graph
 from mjplug.client.parameters import read as read_parameters
 from mjplug.client.publisher import Publisher
+from mjplug.client.states import StateCalls
 from mjplug.client.subscription import Subscription
 from mjplug.client.timeouts import bounded
 from mjplug.client.types import Fields, as_message, find, known, message_class
 from mjplug.wire.discovery.format import ServiceInfo, TopicInfo
 from mjplug_schemas import names
 from mjplug_schemas.message import Message
-from mjplug_schemas.mjplug_msgs import RestoreState, SaveState, Snapshot
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 M = TypeVar("M")
 
 
-class Client(Graph):
+class Client(Graph, StateCalls):
     """Subscribes to topics, publishes messages and calls services of the servers of one network. Thread-safe.
 
     Names follow the rules of ROS: `clock` means `/clock`, and `~/set_pause` means `/mjplug/set_pause`.
@@ -205,55 +205,6 @@ class Client(Graph):
         if check:
             request.check(service, response)
         return response
-
-    def save(self, name: str, *, file: bool = False, overwrite: bool = False, timeout: float | None = None) -> Snapshot:
-        """Saves the state of the simulation with its plugins.
-
-        Args:
-            name: The name of the state: letters, digits and underscores.
-            file: Whether to write it to a file on the machine of the server; otherwise it is in the server's memory.
-            overwrite: Whether to replace a state of the same name.
-            timeout: How long to wait [s]; None is 10 s.
-
-        Returns:
-            The description of the state; `left_out` names plugin instances whose state is not in it.
-
-        Raises:
-            RequestRefused: The state was not saved.
-            TimedOutError: No response arrived in time.
-        """
-        request = SaveState.Request(name=name, file=file, overwrite=overwrite)
-        snapshot: Snapshot = self.call("~/save_state", request, timeout=timeout).snapshot
-        return snapshot
-
-    def restore(
-        self,
-        name: str,
-        *,
-        file: bool = False,
-        strict: bool = False,
-        keep_time: bool = False,
-        timeout: float | None = None,
-    ) -> Snapshot:
-        """Restores a saved state.
-
-        Args:
-            name: The name of the state.
-            file: Whether it is in a file; otherwise it is in the server's memory.
-            strict: Whether to refuse if the state of a plugin cannot be restored.
-            keep_time: Whether simulated time continues; otherwise it is that of the saved state.
-            timeout: How long to wait [s]; None is 10 s.
-
-        Returns:
-            The description of the state; `left_out` names plugin instances whose state was not restored.
-
-        Raises:
-            RequestRefused: The state was not restored; nothing has changed.
-            TimedOutError: No response arrived in time.
-        """
-        request = RestoreState.Request(name=name, file=file, strict=strict, keep_time=keep_time)
-        snapshot: Snapshot = self.call("~/restore_state", request, timeout=timeout).snapshot
-        return snapshot
 
     def step(
         self,

@@ -114,16 +114,22 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
 
         Args:
             seed: Seed of the random numbers of `start`.
-            options: `keyframe` replaces the keyframe of `start`.
+            options: `keyframe` replaces the keyframe of `start`. With `state`, the saved state of this name is
+                restored instead of a reset, and `start` is not called.
 
         Raises:
             RequestRefused: The server refuses the start.
         """
         super().reset(seed=seed)
         options = options or {}
-        if unknown := options.keys() - {"keyframe"}:
-            raise MjplugError(f"unknown options: {', '.join(sorted(unknown))}; known: keyframe")
-        self._driver.call("~/reset_world", {**self.draw_start(self.np_random), **options})
+        if unknown := options.keys() - {"keyframe", "state"}:
+            raise MjplugError(f"unknown options: {', '.join(sorted(unknown))}; known: keyframe, state")
+        if len(options) > 1:
+            raise MjplugError("give either keyframe or state, not both")
+        if "state" in options:
+            self._driver.restore(options["state"])
+        else:
+            self._driver.call("~/reset_world", {**self.draw_start(self.np_random), **options})
         result = self._driver.step(0, observe=self._observe)
         self._first = result.step
         return self.observation_of(result), self._info(result)

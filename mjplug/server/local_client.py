@@ -7,6 +7,7 @@ import mujoco
 
 from mjplug.client.driver import Driver
 from mjplug.client.errors import RequestRefused, TimedOutError, UnknownNameError, WrongTypeError
+from mjplug.client.states import StateCalls
 from mjplug.client.types import Fields, as_message
 from mjplug.contracts.transport import ServiceName
 from mjplug.errors import MjplugError, RequestError
@@ -21,8 +22,8 @@ Serve = Callable[[LocalCall], None]
 """Handles requests on the calling thread until a call is answered."""
 
 
-class LocalClient(Driver):
-    """A client in the server's process: `step`, `rollout`, `simulate` and `call` as in `Client`, without a network.
+class LocalClient(Driver, StateCalls):
+    """A client in the process of the server, with the functions of `Client` that step it, save it and call services.
 
     Args:
         name: Full name of the server.

@@ -95,10 +95,11 @@ class Server:
         for service in (set_pause, reset_world, set_free_joint_state):
             service.offer(host, self.loop)
         limits = states.Limits(settings.snapshots.max_states, settings.snapshots.max_bytes)
-        self._cleanups.callback(states.offer(host, self.loop, sim.seed, __version__, limits, states_folder))
+        saved = states.offer(host, self.loop, sim.seed, __version__, limits, states_folder)
+        self._cleanups.callback(saved.close)
         self.ownership = stepping.offer(host, self.loop, transport, self.topics, names.key(name))
         step_simulation.offer(host, self.loop, self.ownership)
-        self._cleanups.callback(rollout.offer(host, self.loop))
+        self._cleanups.callback(rollout.offer(host, self.loop, saved.vector))
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)

@@ -121,6 +121,26 @@ def test_sequences_are_simulated_in_copies(driver, model):
         driver.simulate(controls, observe=["xpos"])
 
 
+def test_states_are_saved_and_restored(driver):
+    driver.step(20, [1.0])
+    driver.save("here")
+    first = driver.rollout(np.ones((9, 1)), 3, outputs=["/joint_states"])
+    driver.restore("here")
+    again = driver.rollout(np.ones((9, 1)), 3, outputs=["/joint_states"])
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert (again.step, again.samples, again.epoch) == (first.step, first.samples, first.epoch + 1)
+
+
+def test_another_server_continues_from_the_state_of_this_one(mjplug_server, tmp_path):
+    options = {"plugins": PLUGINS, "settings": {"snapshots.folder": str(tmp_path)}}
+    one = mjplug_server(CART_POLE, run=False, **options).local
+    other = mjplug_server(CART_POLE, paused=True, **options).client()
+    one.step(33, [2.0])
+    one.fork(other)
+    controls = np.random.default_rng(8).normal(size=(10, 1))
+    assert np.array_equal(one.rollout(controls)["qpos"], other.rollout(controls)["qpos"])
+
+
 def test_a_running_simulation_is_not_stepped(mjplug_server):
     server = mjplug_server(CART_POLE)
     for driver in (server.local, server.client()):

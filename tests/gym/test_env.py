@@ -81,6 +81,16 @@ def test_an_episode_is_the_same_in_process_and_over_zenoh(mjplug_server):
     far.close()
 
 
+def test_an_episode_may_start_from_a_saved_state(env):
+    env.reset(seed=1)
+    for _ in range(7):
+        env.step(np.full(1, 0.3))
+    env.driver.save("middle")
+    rows = [env.step(np.full(1, -0.3))[0] for _ in range(5)]
+    env.reset(seed=4, options={"state": "middle"})
+    assert equal([env.step(np.full(1, -0.3))[0] for _ in range(5)], rows)
+
+
 def test_an_episode_ends_and_rewards_are_those_of_the_user():
     env = balancing(CART_POLE)
     observation, _ = env.reset(seed=1)
@@ -119,7 +129,7 @@ def test_wrong_arguments_are_refused_with_a_sentence(mjplug_server):
     with pytest.raises(MjplugError, match="speed: the server is open already"):
         balancing(mjplug_server(CART_POLE), speed=1.0)
     env = balancing(CART_POLE)
-    with pytest.raises(MjplugError, match="unknown options: stte; known: keyframe"):
+    with pytest.raises(MjplugError, match="unknown options: stte; known: keyframe, state"):
         env.reset(options={"stte": "x"})
     with pytest.raises(RequestRefused, match="unknown keyframe 'hme'"):
         env.reset(options={"keyframe": "hme"})

@@ -8,8 +8,9 @@ import pytest
 
 from mjplug.services.rollout import service as rollout
 from mjplug.services.rollout.batch import Batch, Sequences
+from mjplug.services.states import service as states
 from mjplug.testing import World
-from mjplug_schemas.mjplug_msgs import Rollout
+from mjplug_schemas.mjplug_msgs import Rollout, SaveState
 
 PUSHER = """
 <mujoco>
@@ -30,11 +31,14 @@ PUSHER = """
 
 
 @pytest.fixture
-def world():
+def world(tmp_path):
     world = World(PUSHER, paused=True)
-    close = rollout.offer(world.host("mjplug"), world.loop)
+    host = world.host("mjplug")
+    saved = states.offer(host, world.loop, 0, "1.2.3", states.Limits(), tmp_path)
+    close = rollout.offer(host, world.loop, saved.vector)
     yield world
     close()
+    saved.close()
 
 
 def ask(world, **fields):
@@ -83,6 +87,21 @@ def test_each_sequence_equals_steps_from_the_present_state_to_the_bit(world, ste
     assert response.message == "simulated 7 sequences of 30 actions without plugins"
 
 
+@pytest.mark.parametrize("file", [False, True])
+def test_sequences_may_start_from_a_saved_state(world, file):
+    world.data.ctrl[:] = 0.4
+    world.step(90)
+    call = world.call("/mjplug/save_state", SaveState.Request(name="begin", file=file))
+    while not call.answered:
+        world.loop.inbox.wait(0.05)
+    assert call.refusal is None
+    controls = np.random.default_rng(7).uniform(-0.5, 1.0, (3, 10, 1))
+    expected = stepped(world, controls, 2)
+    world.step(33)
+    call = ask(world, name="begin", file=file, nbatch=3, steps=2, ctrl=controls.ravel(), observe=["qpos", "qvel"])
+    assert np.array_equal(np.reshape(call.response.observations, (3, 10, -1)), expected)
+
+
 def test_the_server_itself_does_not_change(world):
     world.step(10)
     before = world.data.qpos.copy(), world.data.qvel.copy(), world.data.ctrl.copy(), world.simulation.step
@@ -124,6 +143,8 @@ def test_a_sequence_that_diverges_is_named(world):
         ({"ctrl": [float("nan")]}, "ctrl[0] is nan (row 0, actuator 0); it must be finite"),
         ({"ctrl": [1.0], "steps": 0}, "steps is 0; it must be at least 1"),
         ({"ctrl": [1.0], "steps": 1_000_001}, "a sequence has 1 * 1000001 steps; at most 1000000 are accepted"),
+        ({"ctrl": [1.0], "name": "none"}, "unknown state 'none'"),
+        ({"ctrl": [1.0], "name": "a/b"}, "'a/b' cannot be the name of a state"),
         ({"ctrl": [1.0], "observe": ["xpos"]}, "unknown array in observe 'xpos'"),
         ({"ctrl": [1.0] * 300_000, "observe": ["qpos"]}, "the response would contain 2700000 observed values"),
     ],

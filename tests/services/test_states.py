@@ -21,6 +21,7 @@ from mjplug.physics.reset import Reset
 from mjplug.plugin import Host, Parameters, Plugin, RequestError
 from mjplug.services import clock, step_simulation
 from mjplug.services.states.service import Limits
+from mjplug.services.stepping.ownership import Ownership
 from mjplug.testing import World
 from mjplug_plugins.external_wrench import ExternalWrench
 from mjplug_plugins.heartbeat import Heartbeat
@@ -200,7 +201,7 @@ def test_noise_is_that_of_the_saved_past_and_a_reset_draws_new_noise():
 
 def test_waiting_requests_are_refused_and_their_wrenches_end():
     world = StateWorld()
-    step_simulation.offer(world.host("mjplug"), world.loop)
+    step_simulation.offer(world.host("mjplug"), world.loop, Ownership("mjplug/@step"))
     world.step(10)
     world.save()
     wrench = world.push(push("top", (0, 0, 9), duration=2.0))

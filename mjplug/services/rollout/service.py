@@ -3,7 +3,7 @@
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from queue import SimpleQueue
 from typing import Any
 
@@ -27,13 +27,22 @@ MAX_WAITING = 8
 
 _log = logging.getLogger(__name__)
 
-StartOf = Callable[[str, bool], NDArray[np.float64]]
-"""Returns the state mjSTATE_INTEGRATION of a saved state, by its name and whether it is in a file."""
+Find = Callable[[str, bool], Generator[Event, None, NDArray[np.float64]]]
+"""Returns the vector mjSTATE_INTEGRATION of a saved state, by its name and whether it is in a file."""
 
 
-def offer(host: Host, loop: Loop) -> Callable[[], None]:
-    """Declares the service; returns a function that ends its thread."""
-    rollouts = _Rollouts(loop)
+def offer(host: Host, loop: Loop, find: Find) -> Callable[[], None]:
+    """Declares the service.
+
+    Args:
+        host: The host of the server.
+        loop: The physics loop.
+        find: Finds saved states.
+
+    Returns:
+        A function that ends the thread of the service.
+    """
+    rollouts = _Rollouts(loop, find)
     host.create_service(Rollout, "~/rollout", rollouts.serve, packed=True)
     return rollouts.close
 
@@ -41,8 +50,9 @@ def offer(host: Host, loop: Loop) -> Callable[[], None]:
 class _Rollouts:
     """Handles the requests, and simulates them one after the other on a thread, which starts with the first request."""
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, find: Find) -> None:
         self._loop = loop
+        self._find = find
         self._queue: SimpleQueue[Callable[[Batch], None] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._waiting = 0
@@ -56,11 +66,12 @@ class _Rollouts:
         observed = widths(model, request.observe)
         check_count(sum(observed) * controls.shape[0] * controls.shape[1], call.form)
         if request.name:
-            raise RequestError(f"name is {request.name!r}; leave it empty to start from the present state")
+            start = yield from self._find(request.name, request.file)
+        else:
+            start = np.empty(snapshot.size(model))
+            snapshot.take(model, self._loop.simulation.data, start)
         if self._waiting >= MAX_WAITING:
             raise RequestError(f"busy: {MAX_WAITING} rollouts are waiting, which is the maximum; try again later")
-        start = np.empty(snapshot.size(model))
-        snapshot.take(model, self._loop.simulation.data, start)
         sequences = Sequences(start, controls, request.steps, tuple(request.observe))
         ended, failures = Event(), list[str]()
         self._waiting += 1

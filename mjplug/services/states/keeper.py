@@ -94,7 +94,7 @@ class Keeper:
         Raises:
             RequestError: The state is refused; nothing has changed.
         """
-        self._check(state, keep_time)
+        self.check(state, keep_time)
         problems = self._problems(state)
         if strict:
             if state.header.seed != self._seed:
@@ -114,7 +114,16 @@ class Keeper:
         self._loop.restore(put_back)
         return problems
 
-    def _check(self, state: SavedState, keep_time: bool) -> None:
+    def check(self, state: SavedState, keep_time: bool) -> None:
+        """Checks whether this server can restore the physics of a state.
+
+        Args:
+            state: The state.
+            keep_time: Whether step number and simulated time continue.
+
+        Raises:
+            RequestError: It cannot.
+        """
         header, loop = state.header, self._loop
         if header.mujoco != mujoco.__version__:
             raise RequestError(f"it was saved with MuJoCo {header.mujoco}; this server uses {mujoco.__version__}")

@@ -1,11 +1,15 @@
 """`~/save_state`, `~/restore_state`, `~/list_states`, `~/delete_state`, `~/get_state_digest`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mjplug.errors import RequestError, UnknownName
 from mjplug.physics.loop import Loop
+from mjplug.physics.scheduler import Event
 from mjplug.plugin import Call, Host, Slow
 from mjplug.services.states.file_thread import FileThread
 from mjplug.services.states.keeper import Keeper, listing
@@ -33,7 +37,7 @@ class Limits:
     max_bytes: int = 256 << 20
 
 
-def offer(host: Host, loop: Loop, seed: int, version: str, limits: Limits, folder: Path | None) -> Callable[[], None]:
+def offer(host: Host, loop: Loop, seed: int, version: str, limits: Limits, folder: Path | None) -> "States":
     """Declares the services. Call it before plugins start.
 
     Args:
@@ -45,20 +49,31 @@ def offer(host: Host, loop: Loop, seed: int, version: str, limits: Limits, folde
         folder: The folder of files; None if there is none.
 
     Returns:
-        A function that ends the thread that reads and writes files.
+        The saved states.
     """
     thread = FileThread(loop.inbox)
-    states = _States(Keeper(loop, seed, version), host, limits, folder, thread)
+    states = States(Keeper(loop, seed, version), host, limits, folder, thread)
     host.create_service(SaveState, "~/save_state", states.save)
     host.create_service(RestoreState, "~/restore_state", states.restore)
     host.create_service(ListStates, "~/list_states", states.list)
     host.create_service(DeleteState, "~/delete_state", states.delete)
     host.create_service(GetStateDigest, "~/get_state_digest", states.digest)
-    return thread.close
+    return states
 
 
-class _States:
-    """Handles the requests."""
+class States:
+    """The saved states; handles the requests.
+
+    Attributes:
+        close: Ends the thread that reads and writes files.
+
+    Args:
+        keeper: Saves and restores states.
+        host: The host of the server.
+        limits: Limits in memory, and in the folder.
+        folder: The folder of files; None if there is none.
+        thread: Reads and writes files.
+    """
 
     def __init__(self, keeper: Keeper, host: Host, limits: Limits, folder: Path | None, thread: FileThread) -> None:
         self._keeper = keeper
@@ -67,8 +82,27 @@ class _States:
         self._thread = thread
         self._found = None if folder is None else StateFiles(folder, limits.max_states, limits.max_bytes)
         self._memory: dict[str, SavedState] = {}
+        self.close: Callable[[], None] = thread.close
+
+    def vector(self, name: str, file: bool) -> Generator[Event, None, NDArray[np.float64]]:
+        """Finds a state and returns its vector mjSTATE_INTEGRATION; yields what to wait for.
+
+        Raises:
+            RequestError: There is no such state, or this server could not restore it.
+        """
+        if file:
+            files = self._files()
+            state = yield from self._thread.run(lambda: files.read(check_name(name)))
+        else:
+            state = self._in_memory(check_name(name))
+        try:
+            self._keeper.check(state, keep_time=True)
+        except RequestError as error:
+            raise RequestError(f"state {name!r} cannot be used: {error}") from None
+        return state.physics.vector
 
     def save(self, request: SaveState.Request, call: Call) -> Slow:
+        """Handles a request to `~/save_state`."""
         name = check_name(request.name)
         # Before the state is taken, which costs more.
         files = self._files() if request.file else None
@@ -88,6 +122,7 @@ class _States:
         return SaveState.Response(success=True, message=message, snapshot=snapshot)
 
     def restore(self, request: RestoreState.Request, call: Call) -> Slow:
+        """Handles a request to `~/restore_state`."""
         name = check_name(request.name)
         if request.file:
             files = self._files()
@@ -106,6 +141,7 @@ class _States:
         return RestoreState.Response(success=True, message=message, snapshot=snapshot)
 
     def list(self, request: ListStates.Request, call: Call) -> Slow:
+        """Handles a request to `~/list_states`."""
         snapshots = [describe(name, False, state.header, state.size) for name, state in self._memory.items()]
         errors: list[str] = []
         if (files := self._found) is not None:
@@ -115,6 +151,7 @@ class _States:
         return ListStates.Response(success=True, message=message, snapshots=tuple(snapshots))
 
     def delete(self, request: DeleteState.Request, call: Call) -> Slow:
+        """Handles a request to `~/delete_state`."""
         name = check_name(request.name)
         if request.file:
             files = self._files()
@@ -125,6 +162,7 @@ class _States:
         return DeleteState.Response(success=True, message=f"state {name!r} was deleted")
 
     def digest(self, request: GetStateDigest.Request, call: Call) -> GetStateDigest.Response:
+        """Handles a request to `~/get_state_digest`."""
         host = self._host
         return GetStateDigest.Response(
             success=True,
