@@ -46,12 +46,16 @@ VIEW_COMMAND: Final = ("drag",)
 VIEWERS: Final = "viewer"
 """Chunk in the keys of the liveliness tokens of viewers that drag bodies."""
 
+STEP: Final = "@step"
+"""Chunk in the keys of the liveliness tokens of clients that step the server."""
+
 ALL_KEYS: Final = (
     "**",
     "**/@json",
     f"**/{HISTORY}/**",
     f"**/@json/{HISTORY}/**",
     f"**/{VIEW}/**",
+    f"**/{STEP}/**",
     f"{TOKENS}/**",
     f"{TOKENS}/**/{READY}",
     f"{ROOT}/**",
@@ -152,6 +156,8 @@ def _operator(interfaces: Interfaces) -> Iterator[dict[str, Any]]:
     yield _rule("operator publishes commands", "ingress", ["put"], inputs)
     # By these, the server detects that a viewer has disconnected.
     yield _rule("operator declares viewers", "ingress", ["liveliness_token"], [f"{server}/{VIEW}/{VIEWERS}/*"])
+    # By these, the server detects that a client that stepped it has disconnected.
+    yield _rule("operator declares that it steps", "ingress", ["liveliness_token"], [f"{server}/{STEP}/*"])
     # For latched topics that the server subscribes to: the history of an operator's publisher.
     yield _rule(
         "operator offers its history",

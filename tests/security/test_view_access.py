@@ -70,6 +70,19 @@ def test_the_server_detects_that_an_operator_has_left(enter, gate):
     assert gate.left.get(timeout=ANSWER_TIMEOUT) == f"{VIEW}/viewer/ann"
 
 
+def test_an_operator_may_own_the_steps_and_a_viewer_may_not(enter, gate):
+    changes = queue.SimpleQueue()
+    gate.network.watch_tokens("mjplug/@step/*", lambda token, present: changes.put((token, present)))
+    for name in ("viewer", "operator"):
+        client = enter(name)
+        client.keep(client.session.liveliness().declare_token(f"mjplug/@step/{name}"))
+        client.settle()
+    assert changes.get(timeout=ANSWER_TIMEOUT) == ("mjplug/@step/operator", True)
+    client.close()
+    assert changes.get(timeout=ANSWER_TIMEOUT) == ("mjplug/@step/operator", False)
+    assert changes.empty()
+
+
 @pytest.mark.parametrize("name", ["viewer", "operator"])
 def test_neither_a_viewer_nor_an_operator_publishes_frames_or_answers_for_the_scene(enter, gate, name):
     client, other = enter(name), enter("viewer")
