@@ -2,7 +2,7 @@
 
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from time import perf_counter
 
 from mjplug.errors import RequestError, quoted
@@ -35,18 +35,19 @@ class Ownership:
         self._present: set[str] = set()
         self._awaited: dict[str, tuple[float, Event]] = {}
 
-    def name_in(self, parameters: object) -> str:
+    @staticmethod
+    def name_in(parameters: Mapping[str, str]) -> str:
         """Returns the name of the client that sent a request, from the parameter `owner`; empty if there is none.
 
         Raises:
             RequestError: The name is not valid.
         """
-        name = parameters.get("owner", "") if hasattr(parameters, "get") else ""
+        name = parameters.get("owner", "")
         if name and not _NAME.fullmatch(name):
             raise RequestError(
                 f"owner is {quoted(name)}; it must have 1 to 64 English letters, digits, '_', '.' and '-'"
             )
-        return str(name)
+        return name
 
     def check(self, name: str) -> None:
         """Checks that no other client steps the server.

@@ -10,7 +10,6 @@ from mjplug.contracts.transport import BytesTransport
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.physics.memory import float_view
-from mjplug.physics.scheduler import Event
 from mjplug.physics.step_goals import StepGoal
 from mjplug.plugin import Call, Host, Slow
 from mjplug.services.stepping.actions import MAX_ACTIONS, control_rows
@@ -96,7 +95,8 @@ class _Stepping:
         while loop.goals:
             # An earlier request of the same client.
             self._check_turn(client)
-            yield self._goal.ended if self._goal is not None else Event()
+            assert self._goal is not None
+            yield self._goal.ended
         self._check_turn(client)
         ownership.claim(client)
         with plan.outputs:
