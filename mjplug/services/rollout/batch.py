@@ -172,5 +172,5 @@ def _state(model: mujoco.MjModel, data: mujoco.MjData, spec: int) -> Array:
 def _invalid(state: Array) -> NDArray[np.bool_]:
     """Returns, for each sequence, whether a value is not finite or too large; shape (B,)."""
     # NaN fails the comparison too.
-    valid: NDArray[np.bool_] = (np.abs(state) < mujoco.mjMAXVAL).all(axis=(1, 2))
-    return ~valid
+    valid = (np.abs(state) < mujoco.mjMAXVAL).all(axis=(1, 2))
+    return np.asarray(~valid, dtype=np.bool_)

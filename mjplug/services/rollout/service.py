@@ -15,7 +15,7 @@ from mjplug.log_scope import bound
 from mjplug.physics import snapshot
 from mjplug.physics.loop import Loop
 from mjplug.physics.memory import float_view
-from mjplug.physics.scheduler import Event
+from mjplug.physics.scheduler import Event, Wait
 from mjplug.plugin import Call, Host, Slow
 from mjplug.services.rollout.batch import Batch, Sequences, check_steps, widths
 from mjplug.services.stepping.actions import control_rows
@@ -27,7 +27,7 @@ MAX_WAITING = 8
 
 _log = logging.getLogger(__name__)
 
-Find = Callable[[str, bool], Generator[Event, None, NDArray[np.float64]]]
+Find = Callable[[str, bool], Generator[Wait, None, NDArray[np.float64]]]
 """Returns the vector mjSTATE_INTEGRATION of a saved state, by its name and whether it is in a file."""
 
 

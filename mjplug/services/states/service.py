@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mjplug.errors import RequestError, UnknownName
 from mjplug.physics.loop import Loop
-from mjplug.physics.scheduler import Event
+from mjplug.physics.scheduler import Wait
 from mjplug.plugin import Call, Host, Slow
 from mjplug.services.states.file_thread import FileThread
 from mjplug.services.states.keeper import Keeper, listing
@@ -84,7 +84,7 @@ class States:
         self._memory: dict[str, SavedState] = {}
         self.close: Callable[[], None] = thread.close
 
-    def vector(self, name: str, file: bool) -> Generator[Event, None, NDArray[np.float64]]:
+    def vector(self, name: str, file: bool) -> Generator[Wait, None, NDArray[np.float64]]:
         """Finds a state and returns its vector mjSTATE_INTEGRATION; yields what to wait for.
 
         Raises:
