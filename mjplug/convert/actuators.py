@@ -72,6 +72,7 @@ class DriveRules:
         measured: Inertias and gravity torques.
         mass: Mass of the robot [kg].
         free: Whether the robot stands freely.
+        wheel_radius: Radius of the largest wheel; 0 without wheels [m].
         report: The report.
     """
 
@@ -82,6 +83,7 @@ class DriveRules:
     measured: Measured
     mass: float
     free: bool
+    wheel_radius: float
     report: Report
 
     def drives(self) -> list[Drive]:
@@ -145,7 +147,9 @@ class DriveRules:
             return joint.effort
         effort = max(3.0 * gravity, 20.0 * inertia, 3.0 * joint.friction, 1e-3)
         if joint in self.wheels:
-            effort = max(effort, self.mass * GRAVITY * _WHEEL_LEVER / len(self.wheels))
+            # Twice the torque at which the wheels slip, so that skid steering turns.
+            lever = max(_WHEEL_LEVER, 2.0 * self.wheel_radius)
+            effort = max(effort, self.mass * GRAVITY * lever / len(self.wheels))
         if kind is not None:
             self.report.add(
                 "guess", "effort limit", joint.name, f"{effort:.3g} {'N' if joint.type == 'prismatic' else 'N m'}"

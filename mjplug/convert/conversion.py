@@ -33,7 +33,7 @@ from mjplug.convert.rotations import numbers
 from mjplug.convert.scene import HOME, ROBOT_FILE, SCENE_FILE, build_scene, write_home
 from mjplug.convert.sensors import SensorWriter
 from mjplug.convert.source import Source
-from mjplug.convert.wheels import drive_train
+from mjplug.convert.wheels import drive_train, largest_radius
 from mjplug.convert.write_bodies import BodyWriter
 from mjplug.errors import ModelError, did_you_mean
 from mjplug.model.packages import Packages
@@ -237,7 +237,8 @@ class _Pipeline:
         robot, options, report = self.robot, self.options, self.report
         floats = free or floating_joint(robot) is not None
         mass = float(model.body_subtreemass[0])
-        rules = DriveRules(robot, self.control, options, self.wheels, measured, mass, floats, report)
+        radius = largest_radius(robot, model, data, self.wheels, lowest_points(robot, model, data))
+        rules = DriveRules(robot, self.control, options, self.wheels, measured, mass, floats, radius, report)
         drives = rules.drives()
         write_drives(mjcf, robot, drives, report)
         write_excludes(mjcf, robot, options, measured.touching, disabled, report)

@@ -27,7 +27,7 @@ def placement(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, free: bo
         min(moving.values(), default=0.0),
         float(high[0]),
         (float(center[0]), float(center[1]), float(center[2])),
-        0.7 * float(np.linalg.norm(high - low)),
+        0.9 * float(np.linalg.norm(high - low)),
     )
 
 

@@ -29,6 +29,18 @@ class DriveTrain:
     radius: float
 
 
+def largest_radius(
+    robot: Robot,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    wheels: Sequence[Joint],
+    lowest: Mapping[str, float],
+) -> float:
+    """Returns the radius of the largest wheel; 0 without wheels that have a geometry [m]."""
+    found = (_radius(robot, model, data, wheel, lowest) for wheel in wheels)
+    return max((radius for radius in found if radius is not None), default=0.0)
+
+
 def drive_train(
     robot: Robot,
     model: mujoco.MjModel,
@@ -58,18 +70,26 @@ def drive_train(
     sides, radii = [], []
     for wheel in driven:
         body = model.body(wheel.child).id
-        points = [lowest[name] for name in robot.rigid_group(wheel.child) if name in lowest]
+        radius = _radius(robot, model, data, wheel, lowest)
         sideways = abs(float(data.xmat[body].reshape(3, 3) @ wheel.axis @ y_axis))
         names = f"{robot.name} {wheel.name} {wheel.child}".lower()
-        if sideways < _PARALLEL or not points or any(word in names for word in _OMNIDIRECTIONAL):
+        if sideways < _PARALLEL or radius is None or any(word in names for word in _OMNIDIRECTIONAL):
             report.add("warning", "wheels that are no differential drive; nothing follows cmd_vel", wheel.name)
             return None
         sides.append(float((data.xpos[body] - origin) @ y_axis))
-        radii.append(float(data.xpos[body][2]) - min(points))
+        radii.append(radius)
     if max(sides) - min(sides) < _MIN_SEPARATION or min(radii) <= 0.0:
         report.add("warning", "wheels that are no differential drive; nothing follows cmd_vel", driven[0].name)
         return None
-    radius = round(sum(radii) / len(radii), 6)
+    mean = round(sum(radii) / len(radii), 6)
     joints = tuple(wheel.name for wheel in driven)
-    report.add("guess", "differential drive for cmd_vel", ", ".join(joints), f"radius {radius:g} m")
-    return DriveTrain(joints, radius)
+    report.add("guess", "differential drive for cmd_vel", ", ".join(joints), f"radius {mean:g} m")
+    return DriveTrain(joints, mean)
+
+
+def _radius(
+    robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, wheel: Joint, lowest: Mapping[str, float]
+) -> float | None:
+    """Returns the height of a wheel's axis above its lowest point; None if the wheel has no geometry [m]."""
+    points = [lowest[name] for name in robot.rigid_group(wheel.child) if name in lowest]
+    return float(data.xpos[model.body(wheel.child).id][2]) - min(points) if points else None
