@@ -7,7 +7,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError, TimedOutError
-from mjplug.wire.discovery.announced import AT_ONCE
+from mjplug.wire.discovery.announced import AT_ONCE, TIMEOUT_TEXT
 
 _END_MARGIN = 1.0
 """Zenoh's own timeout is later by this time [s], because its error has no useful text."""
@@ -62,10 +62,17 @@ async def ask(
     try:
         reply = await asyncio.wait_for(answer, timeout)
     except TimeoutError:
-        raise TimedOutError(f"no answer from {key} within {timeout:g} s") from None
+        raise _timed_out(key, timeout) from None
     if reply is None:
         raise NoReplyError(f"{key} did not answer; its server may have stopped, or does not permit this client to ask")
     if reply.ok is None:
         assert reply.err is not None
-        raise RefusedError(reply.err.payload.to_string())
+        # Zenoh's own timeout may come first if the event loop is late.
+        if (reason := reply.err.payload.to_string()) == TIMEOUT_TEXT:
+            raise _timed_out(key, timeout)
+        raise RefusedError(reason)
     return bytes(reply.ok.payload)
+
+
+def _timed_out(key: str, timeout: float) -> TimedOutError:
+    return TimedOutError(f"no answer from {key} within {timeout:g} s")

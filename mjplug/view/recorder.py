@@ -16,6 +16,7 @@ from zenoh.handlers import Callback
 
 from mjplug.client import Client
 from mjplug.client.errors import ClientError
+from mjplug.client.view_query import query
 from mjplug.errors import MjplugError
 from mjplug.view.built_page import FOLDER, MISSING
 from mjplug.view.recording import Recording
@@ -215,16 +216,7 @@ def _scene(session: zenoh.Session, key: str) -> tuple[bytes, bytes]:
     Raises:
         ClientError: The server does not send them.
     """
-    info = _ask(session, f"{key}/@view/info")
-    pack = _ask(session, f"{key}/@view/scene")
+    info, pack = (bytes(query(session, f"{key}/@view/{part}", _TIMEOUT).payload) for part in ("info", "scene"))
     if hashlib.sha256(pack).hexdigest() != json.loads(info)["scene"]:
         raise ClientError(f"/{key} has just got another model; record again")
     return info, pack
-
-
-def _ask(session: zenoh.Session, key: str) -> bytes:
-    for reply in session.get(key, timeout=_TIMEOUT):
-        if reply.ok is not None:
-            return bytes(reply.ok.payload)
-        raise ClientError(f"{key}: {'' if reply.err is None else reply.err.payload.to_string()}")
-    raise ClientError(f"{key} did not answer within {_TIMEOUT:g} s; its server may have stopped")

@@ -10,6 +10,8 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from mjplug.client.errors import ClientError
+from mjplug.client.view_query import query
 from mjplug.window.errors import WindowError
 
 MODEL_TIMEOUT = 120.0
@@ -65,22 +67,18 @@ def fetch_model(session: zenoh.Session, key: str) -> mujoco.MjModel:
     Raises:
         WindowError: The server does not answer, or has another version of MuJoCo.
     """
-    for reply in session.get(f"{key}/@view/model", timeout=MODEL_TIMEOUT):
-        if reply.ok is None:
-            refusal = "" if reply.err is None else reply.err.payload.to_string()
-            raise WindowError(f"/{key} does not provide its model: {refusal}")
-        attachment = reply.ok.attachment
-        version = "an unknown version" if attachment is None else attachment.to_string()
-        if version != mujoco.__version__:
-            raise WindowError(
-                f"/{key} runs MuJoCo {version}, but this Python has MuJoCo {mujoco.__version__}, and MuJoCo's window "
-                f"needs the same version: pip install mujoco=={version}; `mjplug view` without --window needs none"
-            )
-        content = gzip.decompress(reply.ok.payload.to_bytes())
-        return mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": content})
-    raise WindowError(
-        f"/{key} does not provide its model within {MODEL_TIMEOUT:g} s; it is busy, or an older version of mjplug"
-    )
+    try:
+        reply = query(session, f"{key}/@view/model", MODEL_TIMEOUT)
+    except ClientError as error:
+        raise WindowError(f"/{key} does not provide its model: {error}") from None
+    version = "an unknown version" if reply.attachment is None else reply.attachment.to_string()
+    if version != mujoco.__version__:
+        raise WindowError(
+            f"/{key} runs MuJoCo {version}, but this Python has MuJoCo {mujoco.__version__}, and MuJoCo's window "
+            f"needs the same version: pip install mujoco=={version}; `mjplug view` without --window needs none"
+        )
+    content = gzip.decompress(reply.payload.to_bytes())
+    return mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": content})
 
 
 class States:

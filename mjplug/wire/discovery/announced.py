@@ -33,6 +33,9 @@ By default, Zenoh delivers the replies only when all programs with a queryable f
 timeout, so one program that never replies would delay all replies.
 """
 
+TIMEOUT_TEXT = "Timeout"
+"""The error reply with which Zenoh ends a query after its timeout."""
+
 
 class NoAnswerError(Exception):
     """A network or a server did not answer in time."""

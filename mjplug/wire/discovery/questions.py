@@ -7,7 +7,14 @@ from typing import Any
 import zenoh
 
 from mjplug.wire.discovery import announced
-from mjplug.wire.discovery.announced import AT_ONCE, INTERFACES, NoAnswerError, interfaces_key, server_names
+from mjplug.wire.discovery.announced import (
+    AT_ONCE,
+    INTERFACES,
+    TIMEOUT_TEXT,
+    NoAnswerError,
+    interfaces_key,
+    server_names,
+)
 from mjplug.wire.discovery.format import ServerInfo, UnreadableListError, checked, read
 
 _MAX_SINGLE_QUERIES = 200
@@ -83,6 +90,6 @@ def ask(session: zenoh.Session, name: str, schema: bool = False) -> dict[str, An
         if reply.ok is not None:
             return checked(name, reply.ok.payload.to_bytes())
         assert reply.err is not None
-        if (why := reply.err.payload.to_string()) != "Timeout":
+        if (why := reply.err.payload.to_string()) != TIMEOUT_TEXT:
             raise UnreadableListError(f"server {name} refused the query for its interfaces: {why}")
     raise NoAnswerError(f"server {name} does not answer; it may have stopped")
