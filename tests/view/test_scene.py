@@ -1,5 +1,6 @@
 """The scene of the page: camera, picking, several servers, changes of the model, and missing graphics."""
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -115,6 +116,27 @@ def test_the_selected_body_is_outlined(studio):
     assert place[0] > 120
     page.redraw("world.outline(null)")
     assert difference(page.picture(), plain) == 0
+
+
+def test_an_outline_leaves_no_line_where_the_body_was_before(studio):
+    server = Server(boxes())
+    # On its edge, so that the corners of the part of the picture that contains the box are far from the box.
+    server.data.qpos[3:7] = np.cos(np.pi / 8), 0, np.sin(np.pi / 8), 0
+    mujoco.mj_forward(server.model, server.data)
+    page = studio(server)
+    page.show()
+    page.redraw("world.outline(1)")
+    server.data.qpos[0] += 0.2
+    mujoco.mj_forward(server.model, server.data)
+    page.show()
+    outlined = page.picture().astype(int)
+    page.redraw("world.outline(null)")
+    plain = page.picture().astype(int)
+    box = (plain[:, :, 0] > 60) & (plain[:, :, 1] < 10)
+    around = cv2.dilate(box.astype(np.uint8), np.ones((15, 15))) > 0
+    changed = np.abs(outlined - plain).max(axis=2) > 20
+    assert (changed & around).sum() > 50
+    assert not (changed & ~around).any()
 
 
 def test_nothing_is_drawn_while_nothing_changes(studio):

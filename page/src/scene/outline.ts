@@ -55,11 +55,15 @@ export class Outline {
   /** Adds the outlines to the picture; call it after the scene was drawn. */
   draw(scene: Scene, worlds: readonly World[], camera: Camera): void {
     const parts = worlds.flatMap((world) => outlinedParts(world));
-    const area = this.#area(parts, camera);
-    if (area === null) return;
     const { renderer } = this;
-    const { autoClear } = renderer;
+    const ratio = renderer.getPixelRatio();
     const { x: width, y: height } = renderer.getDrawingBufferSize(this.#size);
+    const margin = Math.ceil((BORDER + 1) * ratio);
+    const area = this.#area(parts, camera, margin);
+    // For each pixel of the area, the mask is read around it, so more than the area must be cleared of older masks.
+    const cleared = this.#area(parts, camera, 2 * margin);
+    if (area === null || cleared === null) return;
+    const { autoClear } = renderer;
     if (this.#mask.width !== width || this.#mask.height !== height) this.#mask.setSize(width, height);
     const layers = camera.layers.mask;
     const visible = scene.overrideMaterial;
@@ -69,7 +73,7 @@ export class Outline {
     const shadows = renderer.shadowMap.autoUpdate;
     renderer.shadowMap.autoUpdate = false;
     this.#mask.scissorTest = true;
-    this.#mask.scissor.copy(area);
+    this.#mask.scissor.copy(cleared);
     renderer.autoClear = true;
     renderer.setRenderTarget(this.#mask);
     renderer.render(scene, camera);
@@ -79,9 +83,8 @@ export class Outline {
     for (const { mesh } of parts) mesh.layers.disable(LAYER);
     const { uniforms } = this.#screen.material;
     uniforms["step"]!.value.set(1 / width, 1 / height);
-    uniforms["ratio"]!.value = renderer.getPixelRatio();
+    uniforms["ratio"]!.value = ratio;
     renderer.autoClear = false;
-    const ratio = renderer.getPixelRatio();
     renderer.setScissorTest(true);
     renderer.setScissor(area.x / ratio, area.y / ratio, area.z / ratio, area.w / ratio);
     renderer.render(this.#screen as unknown as Scene, this.#camera);
@@ -90,8 +93,8 @@ export class Outline {
     renderer.shadowMap.autoUpdate = shadows;
   }
 
-  /** Returns the part of the picture that contains the outlines [px of the graphics card], or null. */
-  #area(parts: readonly Part[], camera: Camera): Vector4 | null {
+  /** Returns the part of the picture that contains the parts and a margin [px of the graphics card], or null. */
+  #area(parts: readonly Part[], camera: Camera, margin: number): Vector4 | null {
     const { x: width, y: height } = this.renderer.getDrawingBufferSize(this.#size);
     const box = new Box3();
     for (const { mesh } of parts) box.expandByObject(mesh);
@@ -108,7 +111,6 @@ export class Outline {
       low.min(place);
       high.max(place);
     }
-    const margin = Math.ceil((BORDER + 1) * this.renderer.getPixelRatio());
     low.subScalar(margin).floor().max(new Vector2(0, 0));
     high.addScalar(margin).ceil().min(new Vector2(width, height));
     return high.x > low.x && high.y > low.y ? new Vector4(low.x, low.y, high.x - low.x, high.y - low.y) : null;
