@@ -10,8 +10,11 @@ import type { JointPanel } from "./joints.ts";
 import { joystick } from "./joystick.ts";
 import { RATE, type Target, Teleop } from "./teleop.ts";
 
-const KEYS = `Keys while armed: i forward, , back, j and l turn, u o m . both, with Shift to the side; or W A S D and arrows.
-q and z change the speeds, Space or k stops, Esc disarms. A gamepad works too.`;
+const KEYS = `Keys while it is on: i forward, , back, j and l turn, u o m . both, with Shift to the side; or W A S D and arrows.
+q and z change the speeds, Space or k stops, Esc switches off. A gamepad works too.`;
+const SWITCH_ON = "Switch on";
+const SWITCH_ON_LABEL = "Switch on: let keys, gamepad and joystick drive";
+const SWITCH_OFF = "Switch off";
 const NOTHING =
   "No server follows a topic of velocities or joint commands. The plugins base_velocity and joint_commands do.";
 const JOINT_MODE = "joints ";
@@ -53,8 +56,7 @@ export class DrivePanel {
         change: (value) => this.#setLimit(name, value),
       });
     this.#sliders = { linear: limit("linear", "Speed", "m/s", 3), yaw: limit("yaw", "Turn", "rad/s", 4) };
-    const arm = { icon: "drive", text: "Arm", label: "Arm: let keys, gamepad and joystick drive" } as const;
-    this.#arm = button({ ...arm, run: () => this.#flip() });
+    this.#arm = button({ icon: "drive", text: SWITCH_ON, label: SWITCH_ON_LABEL, run: () => this.#flip() });
     this.#stick = joystick((direction) => this.#teleop.touch(direction));
     const coarse = matchMedia("(pointer: coarse)").matches;
     const shown = settings.get("drive.joystick", coarse);
@@ -81,7 +83,7 @@ export class DrivePanel {
     content.append(element("p", { className: "hint" }, KEYS));
     const stop = button({
       text: "Stop",
-      label: "Stop and disarm",
+      label: "Stop and switch off",
       className: "primary",
       run: () => this.#teleop.disarm(),
     });
@@ -212,15 +214,14 @@ export class DrivePanel {
     const joint = this.#target.value.startsWith(JOINT_MODE);
     this.#joint.element.hidden = !joint;
     this.#baseOptions.hidden = joint;
-    this.#arm.press(armed);
-    this.#arm.set({ label: armed ? "Disarm" : "Arm: let keys, gamepad and joystick drive" });
+    this.#arm.set(armed ? { text: SWITCH_OFF, label: SWITCH_OFF } : { text: SWITCH_ON, label: SWITCH_ON_LABEL });
     this.#overlay.hidden = !armed;
     const { linear, yaw } = this.limits;
     const [x, y, turn] = [direction.x * linear, direction.y * linear, direction.yaw * yaw];
     const moving = joint
       ? `${this.#joint.value} ${direction.x > 0 ? "+" : direction.x < 0 ? "−" : "stopped"}`
       : `x ${fixed(x, 2)} m/s · y ${fixed(y, 2)} m/s · turn ${fixed(turn, 2)} rad/s`;
-    setText(this.#status, armed ? moving : "Not armed: keys do not drive.");
+    setText(this.#status, armed ? moving : "Off: keys do not drive.");
     setText(this.#text, `Driving ${this.#target.value.replace(JOINT_MODE, "")}: ${moving}`);
   }
 }

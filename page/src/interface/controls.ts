@@ -10,8 +10,8 @@ export interface Control {
 
 export interface Button extends Control {
   readonly element: HTMLButtonElement;
-  /** Changes icon and label, for example from Pause to Resume. */
-  set(options: { icon?: IconName; label: string }): void;
+  /** Changes icon, visible text and label, for example from Pause to Resume. */
+  set(options: { icon?: IconName; text?: string; label: string }): void;
   /** Shows the button pressed or not. */
   press(pressed: boolean): void;
 }
@@ -39,6 +39,7 @@ export function explainWith(show: (reason: string) => void): void {
 export function button(options: ButtonOptions): Button {
   const created = element("button", { type: "button", className: `button ${options.className ?? ""}`.trim() });
   const picture = element("span", { className: "picture" });
+  const text = element("span", { className: "text" }, options.text ?? "");
   let label = options.label ?? options.text ?? "";
   let reason: string | null = null;
   const describe = () => {
@@ -50,7 +51,7 @@ export function button(options: ButtonOptions): Button {
     picture.append(icon(options.icon));
     created.append(picture);
   }
-  if (options.text !== undefined) created.append(element("span", { className: "text" }, options.text));
+  if (options.text !== undefined) created.append(text);
   if (options.key !== undefined && options.key.length === 1) created.setAttribute("aria-keyshortcuts", options.key);
   // A button that is off keeps the focus and its tooltip, so the property `disabled` is not used.
   created.addEventListener("click", () => (reason === null ? options.run() : explain(reason)));
@@ -59,6 +60,7 @@ export function button(options: ButtonOptions): Button {
     element: created,
     set: (changed) => {
       label = changed.label;
+      if (changed.text !== undefined) text.textContent = changed.text;
       if (changed.icon !== undefined) picture.replaceChildren(icon(changed.icon));
       describe();
     },

@@ -16,10 +16,10 @@ from mjplug_schemas.geometry_msgs import Twist
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
-def arm(page):
+def switch_on(page):
     panel = open_panel(page, "Drive")
     panel.get_by_label("Drive", exact=True).select_option("/cmd_vel")
-    panel.get_by_role("button", name="Arm", exact=True).click()
+    panel.get_by_role("button", name="Switch on", exact=True).click()
     expect(page.locator(".drive-banner")).to_be_visible()
 
 
@@ -76,11 +76,11 @@ def test_a_joint_moves_while_its_button_is_held(robot, page):
     assert abs(robot.joint("shoulder") - stopped) < 0.02
 
 
-def test_keys_jog_a_joint_while_armed(robot, page):
+def test_keys_jog_a_joint_while_switched_on(robot, page):
     panel = open_panel(page, "Drive")
     panel.get_by_label("Drive", exact=True).select_option(label="a joint: /arm/joint_commands")
     panel.get_by_label("Joint", exact=True).select_option("shoulder")
-    panel.get_by_role("button", name="Arm", exact=True).click()
+    panel.get_by_role("button", name="Switch on", exact=True).click()
     until(lambda: robot.subscribed("joint_states"))
     before = robot.joint("shoulder")
     page.keyboard.down("ArrowDown")
@@ -137,12 +137,12 @@ def test_a_body_is_placed_and_the_form_starts_with_its_present_pose(robot, page)
     assert turn[2] * turn[3] > 0
 
 
-def test_keys_drive_only_while_armed_and_release_stops_the_base(robot, page, commands):
+def test_keys_drive_only_while_switched_on_and_release_stops_the_base(robot, page, commands):
     open_panel(page, "Drive")
     page.keyboard.down("i")
     page.wait_for_timeout(300)
     page.keyboard.up("i")
-    arm(page)
+    switch_on(page)
     page.keyboard.press("Tab")
     open_panel(page, "Topics")
     page.get_by_label("Search topics").fill("i j k l , . u o m")
@@ -172,7 +172,7 @@ HIDE = """
 
 @pytest.mark.parametrize("loss", [BLUR, HIDE], ids=["blur", "hidden"])
 def test_the_base_stops_when_the_page_loses_the_focus_or_is_hidden(robot, page, commands, loss):
-    arm(page)
+    switch_on(page)
     page.keyboard.down("ArrowUp")
     until(lambda: drives(robot))
     # The key is still down.
@@ -187,7 +187,7 @@ def test_the_base_stops_when_the_browser_is_killed(robot, playwright, open_page,
     mark = f"--mark={uuid.uuid4()}"
     chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, mark])
     page = open_page(chromium=chromium)
-    arm(page)
+    switch_on(page)
     page.keyboard.down("w")
     until(lambda: drives(robot))
     assert kill_by_argument(mark)
@@ -201,7 +201,7 @@ def test_the_base_stops_when_the_browser_is_killed(robot, playwright, open_page,
 def test_a_finger_on_the_joystick_drives_and_lets_go(robot, page, commands):
     panel = open_panel(page, "Drive")
     panel.get_by_label("Joystick on the screen").check()
-    arm(page)
+    switch_on(page)
     stick = page.locator(".joystick").bounding_box()
     x, y = stick["x"] + stick["width"] / 2, stick["y"] + stick["height"] / 2
     page.mouse.move(x, y)
@@ -219,7 +219,7 @@ def test_a_read_only_page_drives_nothing(running, robot, open_page):
     try:
         page = open_page(url=view.url)
         panel = open_panel(page, "Drive")
-        button = panel.get_by_role("button", name="Arm", exact=True)
+        button = panel.get_by_role("button", name="Switch on", exact=True)
         until(lambda: button.get_attribute("aria-disabled") == "true")
         button.click(force=True)
         expect(page.locator(".drive-banner")).to_be_hidden()
