@@ -3,8 +3,10 @@ import type { Fields, Info, Interfaces, Item, Message, Request, Server, Subscrib
 import * as protocol from "./protocol.ts";
 import type { Drag, Picture, Sample, Source, SourceListener, SourceState, Subscription } from "./source.ts";
 
-const RETRY = 1000;
 /** Pause before the next attempt to connect [ms]. */
+const RETRY = 1000;
+/** Pause before a topic that could not be subscribed to after a lost connection is asked for again [ms]. */
+const RESUBSCRIBE = 3000;
 
 interface Pending {
   resolve(response: Fields): void;
@@ -14,7 +16,10 @@ interface Pending {
 interface Channel {
   readonly topic: string;
   readonly mode: protocol.SubscriptionMode;
+  /** Number that the relay gave it; -1 while it is not subscribed to. */
   id: number;
+  /** Counts requests, so that replies to earlier ones are recognised. */
+  attempt: number;
   deliver(item: Item): void;
   opened(subscribed: Subscribed): void;
 }
@@ -98,6 +103,7 @@ export class Relay implements Source {
       topic,
       mode,
       id: -1,
+      attempt: 0,
       opened: (subscribed) => {
         decoder = new Decoder(subscribed.definition);
       },
@@ -110,6 +116,7 @@ export class Relay implements Source {
       topic,
       mode: "image",
       id: -1,
+      attempt: 0,
       opened: () => undefined,
       deliver: ({ payload }) =>
         onPicture({
@@ -129,8 +136,9 @@ export class Relay implements Source {
     return {
       type: subscribed.type,
       close: () => {
-        this.#channels.delete(channel);
-        this.#send({ op: "unsubscribe", channel: channel.id });
+        if (!this.#channels.delete(channel)) return;
+        channel.attempt += 1;
+        if (channel.id >= 0) this.#send({ op: "unsubscribe", channel: channel.id });
       },
     };
   }
@@ -206,16 +214,26 @@ export class Relay implements Source {
   #resume(): void {
     for (const server of this.#watched) this.#send({ op: "watch", server, on: true });
     for (const { server, kind } of this.#overlays.values()) this.overlay(server, kind, true);
-    for (const channel of this.#channels) {
-      channel.id = -1;
-      this.#ask(subscription(channel)).then(
-        (response) => {
-          const subscribed = response as unknown as Subscribed;
-          channel.opened(subscribed);
-          channel.id = subscribed.channel;
-        },
-        (error: Error) => console.warn(error.message),
-      );
+    for (const channel of this.#channels) void this.#resubscribe(channel);
+  }
+
+  /** Subscribes again; if the topic is not there yet, for example because its server starts too, tries again later. */
+  async #resubscribe(channel: Channel): Promise<void> {
+    channel.id = -1;
+    channel.attempt += 1;
+    const { attempt } = channel;
+    try {
+      const subscribed = (await this.#ask(subscription(channel))) as unknown as Subscribed;
+      if (attempt === channel.attempt) {
+        channel.opened(subscribed);
+        channel.id = subscribed.channel;
+      } else {
+        // It was closed meanwhile.
+        this.#send({ op: "unsubscribe", channel: subscribed.channel });
+      }
+    } catch (error) {
+      console.warn(`${channel.topic}: ${(error as Error).message}`);
+      setTimeout(() => attempt === channel.attempt && this.state.connected && this.#resubscribe(channel), RESUBSCRIBE);
     }
   }
 
