@@ -4,6 +4,7 @@ import { fixed, formatAge, formatTime } from "../interface/format.ts";
 import type { TopicEntry } from "../wire/protocol.ts";
 import type { Picture } from "../wire/source.ts";
 import { type Live, pictures } from "./live.ts";
+import { PictureLoader } from "./pictureloader.ts";
 import { Rate } from "./rate.ts";
 
 const TYPES = new Set(["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"]);
@@ -18,10 +19,10 @@ class ImageView {
   readonly caption = element("p", { className: "picture-caption" }, "Waiting for an image …");
   readonly element: HTMLElement;
   readonly #rate = new Rate();
+  readonly #loader = new PictureLoader(this.image);
   readonly #live: Live;
   #time = 0;
   #size = "";
-  #url = "";
   problem = "";
 
   constructor(
@@ -54,7 +55,7 @@ class ImageView {
   close(): void {
     this.#live.close();
     this.element.remove();
-    URL.revokeObjectURL(this.#url);
+    this.#loader.close();
   }
 
   #show({ file, width, height, time }: Picture): void {
@@ -62,12 +63,7 @@ class ImageView {
     this.#time = time;
     this.#size = `${width} × ${height}`;
     this.problem = "";
-    const old = this.#url;
-    this.#url = URL.createObjectURL(file);
-    this.image.src = this.#url;
-    this.image.hidden = false;
-    // The picture before may still be needed until the new one is decoded.
-    this.image.onload = () => URL.revokeObjectURL(old);
+    this.#loader.show(file);
     this.describe();
   }
 }
