@@ -202,6 +202,38 @@ def test_several_servers_share_a_scene(studio):
     assert page.evaluate("stage.worlds.size") == 1
 
 
+def test_a_server_that_is_hidden_while_its_model_is_loaded_stays_hidden(studio):
+    page = studio(boxes(), boxes())
+    page.evaluate(
+        """((source) => {
+            const scene = source.scene.bind(source);
+            source.scene = (hash) => {
+                const released = new Promise((release) => (window.release = release));
+                return (window.loaded = released.then(() => scene(hash)));
+            };
+        })(stage.source)"""
+    )
+    page.evaluate("window.mjplug.app.servers.show(1, true)")
+    page.page.wait_for_function("window.release !== undefined")
+    page.evaluate("window.mjplug.app.servers.show(1, false)")
+    # The model has no textures, so only promises that are already resolved are awaited after it is loaded.
+    page.page.evaluate("(window.release(), window.loaded.then(() => new Promise((done) => setTimeout(done, 50))))")
+    assert page.evaluate("stage.worlds.size") == 1
+
+
+def test_a_body_of_a_server_that_is_hidden_is_neither_selected_nor_followed(studio):
+    page = studio(boxes(), boxes())
+    page.evaluate("window.mjplug.app.servers.show(1, true)")
+    page.page.wait_for_function("window.mjplug.app.stage.worlds.size === 2")
+    page.evaluate("window.mjplug.app.selection.select({ world: stage.worlds.get(1), body: 1 })")
+    page.page.get_by_role("button", name="Follow the selected body", exact=True).click()
+    assert page.evaluate("stage.viewpoint.followed.world.server") == 1
+    page.evaluate("window.mjplug.app.servers.show(1, false)")
+    assert page.evaluate("window.mjplug.app.selection.current") is None
+    assert page.evaluate("stage.viewpoint.followed") is None
+    page.page.get_by_role("button", name="Follow the selected body", exact=True).wait_for()
+
+
 def test_a_reset_is_shown_at_once(studio):
     server = Server(boxes())
     page = studio(server)

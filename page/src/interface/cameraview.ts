@@ -107,6 +107,7 @@ export function install(app: App): void {
     listCameras();
     if (world === current()) cameras.value = FREE;
   });
+  stage.onRemove((world) => followed?.world === world && setFollow(false));
   let outlined: World | null = null;
   selection.listen((selected) => {
     if (outlined !== selected?.world) outlined?.outline(null);

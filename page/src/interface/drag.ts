@@ -68,6 +68,7 @@ export class Dragging {
       onFrame: () => this.#hold !== null && this.#hold.world.frame?.epoch !== this.#hold.epoch && this.end(),
     });
     stage.onWorld((world) => this.#hold?.world.server === world.server && this.end());
+    stage.onRemove((world) => this.#hold?.world === world && this.end());
     stage.beforeDraw(() => this.#draw());
   }
 

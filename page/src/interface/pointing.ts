@@ -56,6 +56,7 @@ export function install(app: App): void {
     const body = world.pack.header.bodies.findIndex((entry) => entry.name === name);
     selection.select(name !== "" && body > 0 ? { world, body } : null);
   });
+  stage.onRemove((world) => selection.current?.world === world && selection.select(null));
   shell.shortcut({
     key: "Escape",
     text: "Let go of the body, or deselect it",

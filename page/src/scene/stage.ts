@@ -34,6 +34,7 @@ export class Stage {
   readonly #counter = new Counter();
   readonly #beforeDraw: ((seconds: number) => void)[] = [];
   readonly #onWorld: ((world: World) => void)[] = [];
+  readonly #onRemove: ((world: World) => void)[] = [];
   readonly #loading = new Map<number, string>();
   readonly #offsets = new Map<number, Vector3>();
   readonly #message = element("p", { className: "stage-message", hidden: true });
@@ -121,6 +122,11 @@ export class Stage {
     this.#onWorld.push(callback);
   }
 
+  /** Calls a function with each world that was removed without another one in its place. */
+  onRemove(callback: (world: World) => void): void {
+    this.#onRemove.push(callback);
+  }
+
   /** Returns the nearest visible point of a body at a place of the page [px], or null. */
   pick(clientX: number, clientY: number): Picked | null {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
@@ -190,12 +196,14 @@ export class Stage {
 
   /** Removes the world of a server, for example because it is no longer watched. */
   remove(server: number): void {
+    // Also a model that is still being loaded must not appear.
+    this.#loading.delete(server);
     const world = this.worlds.get(server);
     if (world === undefined) return;
     this.viewpoint.forget(world);
     world.dispose();
     this.worlds.delete(server);
-    this.#loading.delete(server);
+    for (const callback of this.#onRemove) callback(world);
     this.#sky.setTexture(this.#first()?.sky ?? null);
     this.#castShadows();
   }
@@ -254,6 +262,7 @@ export class Stage {
     const shown = this.worlds.get(server);
     if (shown !== undefined && shown.info.scene === info.scene) {
       shown.info = info;
+      this.#loading.delete(server);
       return;
     }
     if (this.#loading.get(server) === info.scene) return;

@@ -30,6 +30,7 @@ export class FrameFinder {
       for (const [old] of this.#bodies) if (old.server === world.server) this.#bodies.delete(old);
       this.#bodies.set(world, new BodyFrames(world));
     });
+    app.stage.onRemove((world) => this.#bodies.delete(world));
     app.stage.beforeDraw(() => {
       for (const bodies of this.#bodies.values()) bodies.update();
     });
