@@ -20,9 +20,15 @@ ROBOT = """
       <site name="laser"/><camera name="eye" resolution="8 6"/>
       <replicate count="3" sep="-" euler="0 0 10"><site name="ray" zaxis="1 0 0"/></replicate>
       <body name="arm"><joint name="shoulder"/><geom size=".05" mass=".1"/></body>
+      <body name="left" pos="0 .2 0"><joint name="left" axis="0 1 0"/><geom size=".05" mass=".1"/></body>
+      <body name="right" pos="0 -.2 0"><joint name="right" axis="0 1 0"/><geom size=".05" mass=".1"/></body>
     </body>
   </worldbody>
-  <actuator><position name="shoulder" joint="shoulder"/></actuator>
+  <actuator>
+    <position name="shoulder" joint="shoulder"/>
+    <velocity name="left" joint="left"/>
+    <velocity name="right" joint="right"/>
+  </actuator>
   <sensor><gyro name="imu" site="laser"/><rangefinder name="rays" site="ray-0"/>
     <rangefinder name="rays-0" site="ray-0"/><rangefinder name="rays-1" site="ray-1"/>
     <rangefinder name="rays-2" site="ray-2"/></sensor>
@@ -36,6 +42,7 @@ PLUGINS = {
     "beat": {"type": "heartbeat"},
     "push": {"type": "external_wrench"},
     "drive": {"type": "base_velocity", "body": "base_link"},
+    "wheels": {"type": "diff_drive", "wheel_radius": 0.05, "cmd_vel_topic": "{ns}/wheels/cmd_vel"},
     "free": {"type": "free_joint_state_publisher"},
     "rangefinders": {"type": "rangefinder_lidar", "rays": RAYS},
     "lidar": {"type": "lidar", "laser": LASER},
