@@ -53,7 +53,8 @@ def serve(model, *plugins, **settings):
 
 def test_the_server_offers_its_services_under_its_own_name(arm_model):
     _, transport = serve(arm_model)
-    control = {"set_pause", "step_simulation", "reset_world", "set_free_joint_state"}
+    control = {"set_pause", "step_simulation", "step", "rollout", "reset_world", "set_free_joint_state"}
+    control |= {"save_state", "restore_state", "list_states", "delete_state", "get_state_digest"}
     parameters = {
         "describe_parameters", "get_parameter_types", "get_parameters", "list_parameters", "set_parameters",
         "set_parameters_atomically",
