@@ -150,6 +150,8 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
         "mjplug/list_states": "mjplug_msgs/srv/ListStates",
         "mjplug/delete_state": "mjplug_msgs/srv/DeleteState",
         "mjplug/get_state_digest": "mjplug_msgs/srv/GetStateDigest",
+        "mjplug/step": "mjplug_msgs/srv/Step",
+        "mjplug/rollout": "mjplug_msgs/srv/Rollout",
         "external_wrench/apply_wrench": "mujoco_ros2_control_msgs/srv/ApplyExternalWrench",
         "probe/state": "std_srvs/srv/Trigger",
         "mjplug/describe_parameters": "rcl_interfaces/srv/DescribeParameters",

@@ -26,8 +26,8 @@ ROBOT = """
   </worldbody>
   <actuator>
     <position name="shoulder" joint="shoulder"/>
-    <velocity name="left" joint="left"/>
-    <velocity name="right" joint="right"/>
+    <velocity name="left" joint="left" kv=".01"/>
+    <velocity name="right" joint="right" kv=".01"/>
   </actuator>
   <sensor><gyro name="imu" site="laser"/><rangefinder name="rays" site="ray-0"/>
     <rangefinder name="rays-0" site="ray-0"/><rangefinder name="rays-1" site="ray-1"/>
