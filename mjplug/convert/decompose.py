@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -15,18 +16,28 @@ from mjplug.convert.mesh import Mesh
 from mjplug.convert.report import Report
 from mjplug.convert.simplify import simplified
 
-TIME_LIMIT = 30.0
-"""Longest time for one mesh [s]."""
+TIME_LIMIT = 60
+"""Largest processor time for one mesh [s]. Unlike wall time, it gives the same result on a busy machine."""
+
+_WALL_FACTOR = 10
+"""Wall time after which a mesh is given up, as a multiple of the processor time; on Windows the only limit."""
 
 FACES = 2000
 """Triangles that remain before the decomposition: the time grows faster than their number."""
 
 THRESHOLD, MAX_PARTS = 0.1, 16
+
+_KILLED = tuple(-int(getattr(signal, name)) for name in ("SIGXCPU", "SIGKILL") if hasattr(signal, name))
 CONCAVE = 1.3
 """`auto` divides a mesh whose hull has more than this times its volume."""
 
 _CHILD = """
 import io, sys
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[1]), int(sys.argv[1])))
+except ImportError:
+    pass
 import numpy as np, coacd
 data = np.load(io.BytesIO(sys.stdin.buffer.read()))
 coacd.set_log_level("error")
@@ -50,12 +61,12 @@ class Decomposer:
     Attributes:
         cache: Folder of the cache; None for none.
         report: The report.
-        time_limit: Longest time for one mesh [s].
+        time_limit: Largest processor time for one mesh [s].
     """
 
     cache: Path | None
     report: Report
-    time_limit: float = TIME_LIMIT
+    time_limit: int = TIME_LIMIT
 
     def parts(self, mesh: Mesh, name: str, threshold: float = THRESHOLD) -> list[Mesh]:
         """Returns convex parts of a mesh; the mesh itself if the time limit is exceeded or CoACD fails.
@@ -76,14 +87,16 @@ class Decomposer:
         np.savez(request, vertices=vertices, faces=faces, threshold=threshold, parts=MAX_PARTS)
         try:
             done = subprocess.run(
-                [sys.executable, "-c", _CHILD],
+                [sys.executable, "-c", _CHILD, str(self.time_limit)],
                 input=request.getvalue(),
                 capture_output=True,
-                timeout=self.time_limit,
+                timeout=_WALL_FACTOR * self.time_limit,
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            self.report.add("warning", f"decomposition took over {self.time_limit:g} s; the convex hull is used", name)
+            done = None
+        if done is None or done.returncode in _KILLED:
+            self.report.add("warning", f"decomposition takes over {self.time_limit} s; the convex hull is used", name)
             return [mesh]
         if done.returncode or not done.stdout:
             reason = done.stderr.decode(errors="replace").strip().splitlines()

@@ -178,7 +178,8 @@ class MeshAssets:
             if found is None or found <= CONCAVE:
                 return [mesh]
         parts = self._decomposer.parts(mesh, stem, threshold)
-        self._report.add("guess", "collision mesh divided into convex parts", stem, f"{len(parts)} parts")
+        if len(parts) > 1:
+            self._report.add("guess", "collision mesh divided into convex parts", stem, f"{len(parts)} parts")
         return parts
 
     def _visual(self, mesh: Mesh, stem: str) -> Asset:

@@ -92,6 +92,24 @@ def model_of(conversion):
     return mujoco.MjModel.from_xml_string(conversion.files["scene.xml"].decode(), dict(conversion.files))
 
 
+def angle(path):
+    """Writes a concave OBJ: an angle iron."""
+    corners = [(x, y, z) for x, y in ((0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)) for z in (0, 0.5)]
+    sides = [
+        face
+        for i in range(6)
+        for face in ((2 * i, (2 * i + 2) % 12, (2 * i + 3) % 12), (2 * i, (2 * i + 3) % 12, 2 * i + 1))
+    ]
+    caps = [(0, 3), (3, 4), (4, 5)]
+    floor = [(0, 2 * b, 2 * a) for a, b in [(1, 2), (2, 3), *caps[1:]]]
+    roof = [(1, 2 * a + 1, 2 * b + 1) for a, b in [(1, 2), (2, 3), *caps[1:]]]
+    lines = [
+        *(f"v {x} {y} {z}" for x, y, z in corners),
+        *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides + floor + roof),
+    ]
+    path.write_text("\n".join(lines))
+
+
 def at_home(model):
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from model_files import tetrahedron
 
-from convert.robots import ARM, at_home, converted
+from convert.robots import ARM, angle, at_home, converted
 from mjplug.errors import ModelError
 
 
@@ -115,10 +115,11 @@ def test_several_inputs_and_files_are_merged(tmp_path):
 
 def test_a_mesh_is_decomposed_by_name(tmp_path):
     pytest.importorskip("coacd")
-    tetrahedron(tmp_path / "part.stl", 0.1)
-    arm = ARM.replace('<box size="0.05 0.05 0.2"/>', '<mesh filename="part.stl"/>')
-    conversion, _ = converted(tmp_path, arm_with(inputs(processed='<decompose_mesh mesh_name="part"/>'), arm))
+    angle(tmp_path / "part.obj")
+    arm = ARM.replace('<box size="0.05 0.05 0.2"/>', '<mesh filename="part.obj" scale="0.1 0.1 0.1"/>')
+    conversion, model = converted(tmp_path, arm_with(inputs(processed='<decompose_mesh mesh_name="part"/>'), arm))
     assert "part" in [note.subject for note in conversion.report.of("guess")]
+    assert model.body("lower").geomnum[0] >= 2
 
 
 CAMERA = '<camera site="tool0" name="a"/>'

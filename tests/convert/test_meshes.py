@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from model_files import tetrahedron
 
-from convert.robots import BOX, converted, joint, link, notes, robot
-from mjplug.convert.mesh import read_mesh
+from convert.robots import BOX, angle, converted, joint, link, notes, robot
+from mjplug.convert.decompose import Decomposer
+from mjplug.convert.mesh import Mesh, read_mesh
 from mjplug.convert.mesh_files import MeshFiles
+from mjplug.convert.report import Report
 from mjplug.errors import ModelError
 from mjplug.model.packages import Packages
 
@@ -316,22 +318,25 @@ def test_absolute_paths_of_meshes_are_not_written(tmp_path):
 
 def test_a_concave_mesh_is_divided(tmp_path):
     pytest.importorskip("coacd")
-    corners = [(x, y, z) for x, y in ((0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)) for z in (0, 0.5)]
-    sides = [
-        face
-        for i in range(6)
-        for face in ((2 * i, (2 * i + 2) % 12, (2 * i + 3) % 12), (2 * i, (2 * i + 3) % 12, 2 * i + 1))
-    ]
-    caps = [(0, 3), (3, 4), (4, 5)]
-    floor = [(0, 2 * b, 2 * a) for a, b in [(1, 2), (2, 3), *caps[1:]]]
-    roof = [(1, 2 * a + 1, 2 * b + 1) for a, b in [(1, 2), (2, 3), *caps[1:]]]
-    lines = [
-        *(f"v {x} {y} {z}" for x, y, z in corners),
-        *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in sides + floor + roof),
-    ]
-    (tmp_path / "angle.obj").write_text("\n".join(lines))
+    angle(tmp_path / "angle.obj")
     _, whole = one_mesh(tmp_path, "angle.obj", visual=False)
     conversion, parts = one_mesh(tmp_path, "angle.obj", visual=False, decompose="auto")
     assert whole.nmesh == 1
     assert parts.nmesh >= 2
     assert {topic for topic, _ in notes(conversion, "guess")} >= {"collision mesh divided into convex parts"}
+
+
+def test_a_decomposition_that_takes_too_long_keeps_the_hull(tmp_path):
+    pytest.importorskip("coacd")
+    generator = np.random.default_rng(0)
+    n = 40
+    angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    circles = [np.stack([np.cos(angles), np.sin(angles), np.full(n, k / 4)], 1) for k in range(20)]
+    rings = [circle * generator.uniform(0.2, 1, (n, 1)) for circle in circles]
+    index = np.arange(20 * n).reshape(20, n)
+    a, b = index[:-1], np.roll(index[:-1], -1, axis=1)
+    c, d = np.roll(index[1:], -1, axis=1), index[1:]
+    faces = np.concatenate([np.stack([a, b, c], 2).reshape(-1, 3), np.stack([a, c, d], 2).reshape(-1, 3)])
+    mesh, report = Mesh(np.concatenate(rings), faces), Report()
+    assert Decomposer(None, report, time_limit=1).parts(mesh, "coil", threshold=0.01) == [mesh]
+    assert [note.topic for note in report.notes] == ["decomposition takes over 1 s; the convex hull is used"]
