@@ -1,7 +1,6 @@
 """The bodies that one page drags: the relay adds the viewer's name and a number, and declares the viewer's token."""
 
 import json
-import math
 from typing import Any
 
 import zenoh
@@ -12,6 +11,9 @@ from mjplug.view.values import shown
 
 _FIELDS = {"local": 3, "target": 3, "rotate": 4}
 """Number of values of each vector."""
+
+_MAX_VALUE = 1e10
+"""Larger numbers are refused, as by the server: MuJoCo's `mjMAXVAL`."""
 
 
 class Dragging:
@@ -83,8 +85,8 @@ def _body(value: object) -> object:
 def _vector(name: str, values: object, count: int) -> list[float]:
     if isinstance(values, list) and len(values) == count and all(map(_is_number, values)):
         return values
-    raise ClientError(f"{name} is {shown(values)}; it must be a list of {count} numbers")
+    raise ClientError(f"{name} is {shown(values)}; it must be a list of {count} numbers below {_MAX_VALUE:g}")
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _MAX_VALUE

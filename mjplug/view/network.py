@@ -15,8 +15,9 @@ from mjplug.view.feeds import Feeds
 from mjplug.view.handoff import Handoff
 from mjplug.view.permission import Permissions
 from mjplug.view.queries import ask
+from mjplug.view.remote_server import Server
 from mjplug.view.scenes import Scenes
-from mjplug.view.servers import Server, Servers
+from mjplug.view.servers import Servers
 from mjplug.view.watching import Watched
 from mjplug.wire.discovery.announced import interfaces_key
 from mjplug_schemas.definition import definition

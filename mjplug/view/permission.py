@@ -6,16 +6,19 @@ import zenoh
 
 from mjplug.client.errors import ClientError
 from mjplug.view.queries import NoReplyError, ask
-from mjplug.view.servers import Server
+from mjplug.view.remote_server import Server
 from mjplug.wire.encoding import encoding_of
 from mjplug_schemas.rcl_interfaces import SetParameters
 
 _TIMEOUT = 2.0
 """Timeout of the query [s]; without an answer in time, the client counts as permitted."""
 
+_ASK_AGAIN = 5.0
+"""Time after which a refusal is checked again [s]: a server that is starting does not answer either."""
+
 
 class Permissions:
-    """Finds out once for each server, with a request that sets no parameters: a command that changes nothing.
+    """Finds out for each server, with a request that sets no parameters: a command that changes nothing.
 
     Args:
         session: The session.
@@ -42,7 +45,7 @@ class Permissions:
             )
 
     def forget(self, server: Server) -> None:
-        """Asks again, because the server has been replaced."""
+        """Asks again at the next need, for example because the server has been replaced."""
         # The query goes on, because a page may wait for it.
         self._asked.pop(server.key, None)
 
@@ -57,6 +60,7 @@ class Permissions:
         try:
             await ask(self._session, f"{server.key}/set_parameters", _TIMEOUT, bytes(request.to_cdr()), encoding)
         except NoReplyError:
+            asyncio.get_running_loop().call_later(_ASK_AGAIN, self.forget, server)
             return False
         except ClientError:
             # It answers, or it is too busy to answer in time.

@@ -7,7 +7,7 @@ from collections import OrderedDict
 
 import zenoh
 
-from mjplug.client.errors import ClientError
+from mjplug.client.errors import ClientError, TimedOutError
 from mjplug.view.queries import ask
 
 _log = logging.getLogger(__name__)
@@ -17,6 +17,12 @@ MAX_BYTES = 128 << 20
 
 TIMEOUT = 120.0
 """Timeout of a query [s]: making the pack of a large model takes seconds, and the link may be slow."""
+
+_RETRY = 1.0
+"""Pause before a query is repeated that was not answered [s]."""
+
+_GIVE_UP_AFTER = 150.0
+"""A query is not repeated after this time [s]: a server that is busy or was lost for a while may still answer."""
 
 
 class Scenes:
@@ -66,11 +72,23 @@ class Scenes:
         return task
 
     async def _fetch(self, hash: str) -> bytes:
-        pack = await ask(self._session, f"{self._servers[hash]}/@view/scene", TIMEOUT)
+        pack = await self._query(hash)
         actual = await asyncio.to_thread(lambda: hashlib.sha256(pack).hexdigest())
         if actual != hash:
             raise ClientError(f"the server has another scene now: {actual}, not {hash}")
         return pack
+
+    async def _query(self, hash: str) -> bytes:
+        clock = asyncio.get_running_loop().time
+        began = clock()
+        while True:
+            try:
+                return await ask(self._session, f"{self._servers[hash]}/@view/scene", TIMEOUT)
+            except TimedOutError as error:
+                if clock() - began >= _GIVE_UP_AFTER:
+                    raise
+                _log.info("asking again for the scene: %s", error)
+            await asyncio.sleep(_RETRY)
 
     def _fetched(self, hash: str, task: "asyncio.Task[bytes]") -> None:
         del self._fetching[hash]

@@ -11,19 +11,10 @@ from zenoh.handlers import Callback
 from mjplug.client.errors import ClientError, NoServerError, UnknownNameError
 from mjplug.client.graph import GIVE_TYPE
 from mjplug.view.handoff import Handoff
-from mjplug.view.queries import ask
+from mjplug.view.remote_server import Server
 from mjplug.view.values import shown
-from mjplug.wire.discovery.announced import QUERY_TIMEOUT, TOKENS, interfaces_key
-from mjplug.wire.discovery.format import (
-    ServerInfo,
-    ServiceInfo,
-    TopicInfo,
-    UnreadableListError,
-    all_services,
-    all_topics,
-    checked,
-    parse,
-)
+from mjplug.wire.discovery.announced import TOKENS
+from mjplug.wire.discovery.format import ServerInfo, ServiceInfo, TopicInfo, all_services, all_topics
 from mjplug_schemas import names
 from mjplug_schemas.errors import NameRuleError
 
@@ -31,65 +22,6 @@ _log = logging.getLogger(__name__)
 
 MAX_SERVERS = 255
 """Maximum number of servers; the id of a server is one byte."""
-
-
-class Server:
-    """A server, present or gone.
-
-    Attributes:
-        id: A number that the name keeps.
-        name: The server's full name.
-        tokens: Its liveliness tokens; two while a server replaces one of the same name.
-    """
-
-    def __init__(self, id: int, name: str) -> None:
-        self.id = id
-        self.name = name
-        self.tokens: set[str] = set()
-        self._interfaces: ServerInfo | None = None
-        self._changes: Any = None
-
-    @property
-    def connected(self) -> bool:
-        """Whether it is on the network."""
-        return bool(self.tokens)
-
-    @property
-    def key(self) -> str:
-        """The first part of its keys."""
-        return names.key(self.name)
-
-    def describe(self) -> dict[str, Any]:
-        """Returns its entry in the messages `hello` and `servers`."""
-        return {"id": self.id, "name": self.name, "connected": self.connected}
-
-    def forget(self) -> None:
-        """Drops its list of interfaces."""
-        self._interfaces = None
-
-    async def interfaces(self, session: zenoh.Session, handoff: Handoff) -> ServerInfo:
-        """Returns its topics and services; asks again only after a change.
-
-        Raises:
-            ClientError: It does not answer, or its answer cannot be read.
-        """
-        if self._changes is None:
-            # The server publishes an empty message on this key after each change.
-            handler: Callback[zenoh.Sample] = Callback(lambda _: handoff.post(self.forget), indirect=False)
-            self._changes = session.declare_subscriber(interfaces_key(self.name), handler)
-        if self._interfaces is None:
-            answer = await ask(session, interfaces_key(self.name), QUERY_TIMEOUT)
-            try:
-                self._interfaces = parse(checked(self.name, answer))
-            except UnreadableListError as error:
-                raise ClientError(str(error)) from None
-        return self._interfaces
-
-    def close(self) -> None:
-        """Ends the subscription to changes."""
-        if self._changes is not None:
-            self._changes.undeclare()
-            self._changes = None
 
 
 class Servers:
@@ -155,19 +87,7 @@ class Servers:
 
     async def interfaces(self) -> list[tuple[Server, ServerInfo]]:
         """Returns the topics and services of all servers; a server that does not answer is omitted."""
-        present = [server for server in self._servers.values() if server.connected]
-        answers = await asyncio.gather(
-            *(server.interfaces(self._session, self._handoff) for server in present), return_exceptions=True
-        )
-        found = []
-        for server, answer in zip(present, answers, strict=True):
-            if isinstance(answer, ServerInfo):
-                found.append((server, answer))
-            elif isinstance(answer, ClientError):
-                _log.warning("%s", answer)
-            elif isinstance(answer, BaseException):
-                raise answer
-        return found
+        return (await self._survey())[0]
 
     async def listing(self) -> dict[str, Any]:
         """Returns the topics and services of all servers, for the page."""
@@ -199,22 +119,24 @@ class Servers:
         """Returns a topic by its full name.
 
         Raises:
-            UnknownNameError: No server has it.
+            UnknownNameError: No server that answers has it.
         """
-        topics = await self.topics()
+        found, silent = await self._survey()
+        topics = all_topics(info for _, info in found)
         if full not in topics:
-            raise UnknownNameError("topic", full, topics, hint=GIVE_TYPE)
+            raise UnknownNameError("topic", full, topics, silent, hint=GIVE_TYPE)
         return topics[full]
 
     async def service(self, full: str) -> ServiceInfo:
         """Returns a service by its full name.
 
         Raises:
-            UnknownNameError: No server offers it.
+            UnknownNameError: No server that answers offers it.
         """
-        services = all_services(info for _, info in await self.interfaces())
+        found, silent = await self._survey()
+        services = all_services(info for _, info in found)
         if full not in services:
-            raise UnknownNameError("service", full, services)
+            raise UnknownNameError("service", full, services, silent)
         return services[full]
 
     def close(self) -> None:
@@ -223,6 +145,23 @@ class Servers:
         self._declared.undeclare()  # type: ignore[no-untyped-call]
         for server in self._servers.values():
             server.close()
+
+    async def _survey(self) -> tuple[list[tuple[Server, ServerInfo]], list[str]]:
+        """Returns the topics and services of the servers that answer, and the names of the others."""
+        present = [server for server in self._servers.values() if server.connected]
+        answers = await asyncio.gather(
+            *(server.interfaces(self._session, self._handoff) for server in present), return_exceptions=True
+        )
+        found, silent = [], []
+        for server, answer in zip(present, answers, strict=True):
+            if isinstance(answer, ServerInfo):
+                found.append((server, answer))
+            elif isinstance(answer, ClientError):
+                _log.warning("%s", answer)
+                silent.append(server.name)
+            elif isinstance(answer, BaseException):
+                raise answer
+        return found, silent
 
     def _home(self, id: object) -> Server:
         if id is not None:

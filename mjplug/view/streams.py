@@ -3,7 +3,7 @@
 from mjplug.client.errors import ClientError
 from mjplug.view.network import Network
 from mjplug.view.outbox import FRAME, OVERLAY, NewestSlot, Outbox
-from mjplug.view.servers import Server
+from mjplug.view.remote_server import Server
 from mjplug.view.values import shown
 from mjplug.view.watching import OVERLAYS, Stream, Watched, Watcher
 

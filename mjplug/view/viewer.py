@@ -20,7 +20,7 @@ from mjplug.view.dragging import Dragging
 from mjplug.view.images import Encoder, ImageChannel
 from mjplug.view.network import Network
 from mjplug.view.outbox import Outbox
-from mjplug.view.servers import Server
+from mjplug.view.remote_server import Server
 from mjplug.view.streams import Streams
 from mjplug.view.values import shown
 

@@ -10,9 +10,9 @@ import zenoh
 
 from mjplug.client.errors import ClientError
 from mjplug.view.feeds import Feeds
-from mjplug.view.queries import ask
+from mjplug.view.queries import RefusedError, ask
+from mjplug.view.remote_server import Server
 from mjplug.view.scenes import Scenes
-from mjplug.view.servers import Server
 
 _log = logging.getLogger(__name__)
 
@@ -33,8 +33,14 @@ OVERLAYS = (
 _TIMEOUT = 60.0
 """Timeout of the query for the description [s]; the server answers when it has made the drawing pack."""
 
-_RETRY = 2.0
+_RETRY = 0.5
 """Pause before the description is queried again [s]."""
+
+_SLOW_RETRY = 2.0
+"""The same pause after a problem has been reported [s]."""
+
+_QUIET = 10.0
+"""Time without an answer after which pages are told [s]; a server that is starting is announced before it answers."""
 
 
 class Watcher(Protocol):
@@ -65,6 +71,8 @@ class Watched:
         self.server = server
         self.info: dict[str, Any] | None = None
         self._text = ""
+        # Why pages do not get the description; empty if they do, or if it may only take a while.
+        self._problem = ""
         self._session = session
         self._feeds = feeds
         self._scenes = scenes
@@ -84,6 +92,8 @@ class Watched:
             self._ask()
         elif self.info is not None:
             watcher.described(self.server, self._text)
+        elif self._problem:
+            watcher.failed(self._problem)
 
     def remove(self, watcher: Watcher) -> None:
         """Ends what `add` began."""
@@ -107,7 +117,7 @@ class Watched:
         self._reset()
 
     def _reset(self) -> None:
-        self.info = None
+        self.info, self._problem = None, ""
         if self._query is not None:
             self._query.cancel()
             self._query = None
@@ -117,19 +127,28 @@ class Watched:
             self._query = asyncio.create_task(self._run())
 
     async def _run(self) -> None:
-        reported = ""
-        while True:
+        clock = asyncio.get_running_loop().time
+        began = clock()
+        while self.info is None:
             try:
-                self._take(await ask(self._session, f"{self.server.key}/@view/info", _TIMEOUT))
+                answer = await ask(self._session, f"{self.server.key}/@view/info", _TIMEOUT)
+                # One that was published meanwhile is newer.
+                if self.info is None:
+                    self._take(answer)
+            except RefusedError as error:
+                self._report(f"{self.server.name} cannot be shown: {error}")
             except ClientError as error:
-                reason = f"{self.server.name} cannot be shown: {error}"
-                if reason != reported:
-                    reported = reason
-                    for watcher in tuple(self._watchers):
-                        watcher.failed(reason)
-            if self.info is not None:
-                return
-            await asyncio.sleep(_RETRY)
+                if clock() - began >= _QUIET:
+                    self._report(f"{self.server.name} is not shown yet; the view asks again: {error}")
+            if self.info is None:
+                await asyncio.sleep(_SLOW_RETRY if self._problem else _RETRY)
+
+    def _report(self, problem: str) -> None:
+        if problem == self._problem or self.info is not None:
+            return
+        self._problem = problem
+        for watcher in tuple(self._watchers):
+            watcher.failed(problem)
 
     def _take(self, payload: bytes) -> None:
         try:
@@ -142,7 +161,7 @@ class Watched:
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             _log.warning("%s sent a description that cannot be read: %r", self.server.name, error)
             return
-        self.info, self._text = info, text
+        self.info, self._text, self._problem = info, text, ""
         self._scenes.announce(hash, self.server.key)
         for watcher in tuple(self._watchers):
             watcher.described(self.server, text)

@@ -25,7 +25,9 @@ class FakeServer:
         received: Payloads that came in on its topics and on `@view/drag`, by key.
     """
 
-    def __init__(self, endpoint, name="/mjplug", topics=(), subscribed=(), services=None, pack=b"pack", types=None):
+    def __init__(
+        self, endpoint, name="/mjplug", topics=(), subscribed=(), services=None, pack=b"pack", types=None, answers=True
+    ):
         config = zenoh.Config()
         for key, value in (
             ("mode", "client"), ("connect/endpoints", [endpoint]), ("scouting/multicast/enabled", False),
@@ -42,17 +44,25 @@ class FakeServer:
         self._arrived = threading.Condition()
         self.info = {"name": name, "scene": self.hash, "epoch": 0, "paused": False, "speed": 1.0, "bodies": ["world"]}
         self._kept = [
-            self._queryable(f"{self.key}/interfaces", self._interfaces),
-            self._queryable(f"{self.key}/@view/info", lambda query: json.dumps(self.info).encode()),
             self._queryable(f"{self.key}/@view/scene", lambda query: self.pack),
             self._subscribe(f"{self.key}/@view/drag"),
             self._queryable(f"{self.key}/set_parameters", self._set_parameters),
             *(self._subscribe(topic[1:]) for topic in self._subscribed),
             *(self._queryable(service[1:], answer) for service, (_, answer) in self._services.items()),
         ]
+        if answers:
+            self.answer()
         self._publishers = {}
         self.permits = True
         self.token = self.session.liveliness().declare_token(f"@mjplug/{self.key}/{self.session.info.zid()}")
+
+    def answer(self, info=None):
+        """Declares what answers to queries for the interfaces and the description."""
+        info = info or (lambda query: json.dumps(self.info).encode())
+        self._kept += [
+            self._queryable(f"{self.key}/interfaces", self._interfaces),
+            self._queryable(f"{self.key}/@view/info", info),
+        ]
 
     def publisher(self, key):
         if key not in self._publishers:
@@ -79,6 +89,11 @@ class FakeServer:
             there = self._arrived.wait_for(lambda: len(self.received.get(key, ())) >= count, within)
             assert there, f"{key} got {self.received.get(key)}"
             return list(self.received[key])
+
+    def wait_for_queries(self, key, count, within=20.0):
+        """Waits until a key has been queried often enough."""
+        with self._arrived:
+            assert self._arrived.wait_for(lambda: self.queried.get(key, 0) >= count, within), self.queried
 
     def left(self, keys):
         """Returns a queue-like list of the liveliness tokens on some keys that have appeared (True) or left (False)."""
@@ -108,7 +123,9 @@ class FakeServer:
     def _queryable(self, key, answer):
         def receive(query):
             with query:
-                self.queried[key] = self.queried.get(key, 0) + 1
+                with self._arrived:
+                    self.queried[key] = self.queried.get(key, 0) + 1
+                    self._arrived.notify_all()
                 try:
                     payload = answer(query)
                 except ValueError as error:

@@ -181,8 +181,11 @@ def test_a_page_that_leaves_releases_its_body(ready, commanded):
     ("fields", "reason"),
     [
         ({"body": None, "target": [0, 0, 0]}, "body is null; it must be the id or the name of a body"),
-        ({"body": 1, "target": [0, 0]}, "target is [0, 0]; it must be a list of 3 numbers"),
-        ({"body": 1, "rotate": [0, 0, True, 0]}, "rotate is [0, 0, true, 0]; it must be a list of 4 numbers"),
+        ({"body": 1, "target": [0, 0]}, "target is [0, 0]; it must be a list of 3 numbers below 1e+10"),
+        (
+            {"body": 1, "rotate": [0, 0, True, 0]},
+            "rotate is [0, 0, true, 0]; it must be a list of 4 numbers below 1e+10",
+        ),
         ({"body": 1}, "target and rotate are missing; give at least one of them, or release: true"),
     ],
 )

@@ -122,6 +122,10 @@ def test_random_bytes_after_the_upgrade_end_only_that_connection(attacked):
         ('{"op": "subscribe", "topic": "\\u0000", "mode": "all"}', "is not a valid ROS name"),
         ('{"op": "subscribe", "topic": "/**", "mode": "all"}', "is not a valid ROS name"),
         ('{"op": "drag", "server": 0, "body": 1, "target": [1e999, 0, 0]}', "it must be a list of 3 numbers"),
+        (
+            json.dumps({"op": "drag", "server": 0, "body": 1, "target": [10**400, 0, 0]}),
+            "it must be a list of 3 numbers below 1e+10",
+        ),
         ('{"op": "definition", "type": "a"}', "unknown type 'a'"),
     ],
 )
