@@ -11,6 +11,7 @@ import mujoco
 from mjplug.window.controls import Controls
 from mjplug.window.drag import Drag
 from mjplug.window.feed import Feed
+from mjplug.window.interrupt import DelayedInterrupt
 from mjplug.window.stream import State
 
 _SPACE, _RIGHT, _BACKSPACE = 32, 262, 259
@@ -34,6 +35,7 @@ def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Con
 
     Raises:
         WindowError: The states do not fit the model.
+        KeyboardInterrupt: Ctrl-C was pressed.
     """
     # Not at the top, because it loads GLFW, which needs a screen. MuJoCo's stubs lack it.
     viewers: Any = import_module("mujoco.viewer")
@@ -41,24 +43,25 @@ def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Con
     data = mujoco.MjData(model)
     keys: SimpleQueue[int] = SimpleQueue()
     before = set(threading.enumerate())
-    viewer = viewers.launch_passive(model, data, key_callback=keys.put, show_left_ui=False, show_right_ui=False)
-    try:
-        shown = 0.0
-        while viewer.is_running():
-            state = feed.load(data, _PERIOD)
-            with viewer.lock():
-                drag.update(model, viewer.perturb)
-            viewer.sync()
-            if state is not None:
-                _handle_keys(keys, state, controls)
-                if monotonic() - shown >= _TEXT_PERIOD:
-                    shown = monotonic()
-                    _describe(viewer, name, state, feed.silent)
-    finally:
-        viewer.close()
-        for thread in set(threading.enumerate()) - before:
-            if thread.daemon and thread is not threading.current_thread():
-                thread.join(_CLOSE_TIMEOUT)
+    with DelayedInterrupt() as interrupt:
+        viewer = viewers.launch_passive(model, data, key_callback=keys.put, show_left_ui=False, show_right_ui=False)
+        try:
+            shown = 0.0
+            while viewer.is_running() and not interrupt.requested:
+                state = feed.load(data, _PERIOD)
+                with viewer.lock():
+                    drag.update(model, viewer.perturb)
+                viewer.sync()
+                if state is not None:
+                    _handle_keys(keys, state, controls)
+                    if monotonic() - shown >= _TEXT_PERIOD:
+                        shown = monotonic()
+                        _describe(viewer, name, state, feed.silent)
+        finally:
+            viewer.close()
+            for thread in set(threading.enumerate()) - before:
+                if thread.daemon and thread is not threading.current_thread():
+                    thread.join(_CLOSE_TIMEOUT)
 
 
 def _handle_keys(keys: "SimpleQueue[int]", state: State, controls: Controls) -> None:

@@ -1,11 +1,10 @@
 """The window itself, on a virtual screen, with the keyboard and the mouse of that screen."""
 
-import contextlib
 import os
-import queue
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import mujoco
@@ -84,17 +83,19 @@ class Frames:
     """The newest frame of the server: pause, resets, steps and the position of the box."""
 
     def __init__(self, session):
-        self._newest = queue.LifoQueue()
-        self._subscriber = session.declare_subscriber("mjplug/@view/frame", self._newest.put)
+        self._arrived = threading.Condition()
+        self._newest = None
+        self._subscriber = session.declare_subscriber("mjplug/@view/frame", self._receive)
 
     def wait_for(self, condition, within):
-        """Returns whether a frame met a condition in time."""
-        end = time.monotonic() + within
-        while time.monotonic() < end:
-            with contextlib.suppress(queue.Empty):
-                if condition(Frame(bytes(self._newest.get(timeout=0.5).payload))):
-                    return True
-        return False
+        """Returns whether the newest frame met a condition in time."""
+        with self._arrived:
+            return self._arrived.wait_for(lambda: self._newest is not None and condition(self._newest), within)
+
+    def _receive(self, sample):
+        with self._arrived:
+            self._newest = Frame(bytes(sample.payload))
+            self._arrived.notify_all()
 
 
 def do_until(act, condition, frames, process):
@@ -136,4 +137,4 @@ def test_keys_and_mouse_of_the_window_act_on_the_server(screen, server, window):
         do_until(lambda: (let_go(), lift()), lambda frame: frame.bodies[0, 2] > 0.34, frames, window)
         do_until(let_go, lambda frame: frame.bodies[0, 2] < 0.31, frames, window)
         window.send_signal(signal.SIGINT)
-        assert window.wait(PATIENCE) is not None
+        assert window.wait(PATIENCE) == -signal.SIGINT
