@@ -11,12 +11,15 @@ export function jogButton(text: string, label: string, x: number, jog: Jog): HTM
     if (timer === undefined) return;
     clearInterval(timer);
     timer = undefined;
+    window.removeEventListener("blur", end);
     jog.stop();
   };
   const begin = () => {
     end();
     const step = () => (document.hidden || !created.isConnected ? end() : jog.send({ x, y: 0, yaw: 0 }));
     timer = setInterval(step, 1000 / RATE);
+    // Only while it is held, because the window would keep the button for as long as the page is open.
+    window.addEventListener("blur", end);
     step();
   };
   created.addEventListener("pointerdown", (event) => {
@@ -30,6 +33,5 @@ export function jogButton(text: string, label: string, x: number, jog: Jog): HTM
     if (!event.repeat) begin();
   });
   created.addEventListener("keyup", end);
-  window.addEventListener("blur", end);
   return created;
 }
