@@ -164,3 +164,38 @@ test("a second lost connection does not lead to two subscriptions", async () => 
   mock.timers.tick(60_000);
   assert.equal(last.of("subscribe").length, 1);
 });
+
+const servers = (...names: string[]) => names.map((name, id) => ({ id, name, connected: true }));
+
+test("a server that is found only after the connection is watched again, once", () => {
+  const relay = new Relay(new URL("ws://localhost/socket"));
+  const first = Socket.opened[0]!;
+  first.hello();
+  first.receive({ op: "servers", servers: servers("/a") });
+  relay.watch(0, true);
+  relay.overlay(0, "contacts", true);
+  const next = reconnected(first);
+  assert.deepEqual([...next.of("watch"), ...next.of("overlay")], []);
+  for (let time = 0; time < 2; time += 1) {
+    next.receive({ op: "servers", servers: servers("/a") });
+    assert.deepEqual(next.of("watch"), [{ op: "watch", server: 0, on: true }]);
+    assert.deepEqual(next.of("overlay"), [{ op: "overlay", server: 0, kind: "contacts", on: true }]);
+  }
+});
+
+test("the page is loaded again if the ids of servers belong to others after a lost connection", () => {
+  const reload = mock.fn();
+  Object.defineProperty(globalThis, "location", { value: { reload }, configurable: true });
+  const relay = new Relay(new URL("ws://localhost/socket"));
+  const first = Socket.opened[0]!;
+  first.hello();
+  first.receive({ op: "servers", servers: servers("/a", "/b") });
+  relay.watch(0, true);
+  const next = reconnected(first);
+  next.receive({ op: "servers", servers: servers("/a", "/b", "/c") });
+  assert.equal(reload.mock.callCount(), 0);
+  const last = reconnected(next);
+  last.receive({ op: "servers", servers: servers("/b", "/a") });
+  assert.equal(reload.mock.callCount(), 1);
+  assert.deepEqual(last.of("watch"), []);
+});

@@ -35,6 +35,10 @@ export class Relay implements Source {
   readonly #listeners: SourceListener[] = [];
   readonly #pending = new Map<number, Pending>();
   readonly #watched = new Set<number>();
+  /** Servers of this connection for which everything was asked for that was asked for before. */
+  readonly #resumed = new Set<number>();
+  /** Names of all servers since the page was loaded, by id. */
+  readonly #names = new Map<number, string>();
   readonly #overlays = new Map<string, { server: number; kind: string }>();
   readonly #channels = new Set<Channel>();
   #socket: WebSocket | null = null;
@@ -172,7 +176,14 @@ export class Relay implements Source {
   }
 
   #setServers(servers: readonly Server[]): void {
+    if (servers.some(({ id, name }) => (this.#names.get(id) ?? name) !== name)) {
+      // `mjplug view` was started again and found the servers in another order. What the user chose is kept by name.
+      location.reload();
+      return;
+    }
+    for (const { id, name } of servers) this.#names.set(id, name);
     this.servers = servers;
+    this.#resume();
     for (const listener of this.#listeners) listener.onServers?.(servers);
   }
 
@@ -181,8 +192,9 @@ export class Relay implements Source {
       this.readOnly = message.read_only;
       this.#batch = this.#acknowledged = 0;
       this.#setState({ connected: true, text: "" });
+      this.#resumed.clear();
       this.#setServers(message.servers);
-      this.#resume();
+      for (const channel of this.#channels) void this.#resubscribe(channel);
     } else if (message.op === "servers") {
       this.#setServers(message.servers);
     } else if (message.op === "info") {
@@ -210,11 +222,14 @@ export class Relay implements Source {
     }
   }
 
-  /** Asks again for everything that was asked for before the connection was lost. */
+  /** Asks again for what was asked for before the connection was lost; a server may be found only some time after. */
   #resume(): void {
-    for (const server of this.#watched) this.#send({ op: "watch", server, on: true });
-    for (const { server, kind } of this.#overlays.values()) this.overlay(server, kind, true);
-    for (const channel of this.#channels) void this.#resubscribe(channel);
+    for (const { id } of this.servers) {
+      if (this.#resumed.has(id)) continue;
+      this.#resumed.add(id);
+      if (this.#watched.has(id)) this.#send({ op: "watch", server: id, on: true });
+      for (const { server, kind } of this.#overlays.values()) if (server === id) this.overlay(server, kind, true);
+    }
   }
 
   /** Subscribes again; if the topic is not there yet, for example because its server starts too, tries again later. */
