@@ -106,7 +106,15 @@ def pytest_sessionfinish(session):
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["left_over"] = _left_over
     elif _left_over:
-        raise pytest.UsageError("the tests have left processes behind:\n" + "\n".join(_left_over))
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Names the processes after the failures, which often explain them."""
+    if _left_over:
+        terminalreporter.section("the tests have left processes behind")
+        for line in _left_over:
+            terminalreporter.line(line)
 
 
 @pytest.hookimpl(optionalhook=True)
