@@ -8,6 +8,7 @@ import urllib.request
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from view import coroutines
 
 from mjplug.client.errors import TimedOutError
 from mjplug.view import permission, queries, scenes, watching
@@ -78,7 +79,7 @@ def test_a_timeout_that_zenoh_reports_is_not_taken_for_a_refusal(late):
 
     late.answer(expire)
     with pytest.raises(TimedOutError, match=f"no answer from {INFO} within 20 s"):
-        asyncio.run(queries.ask(late.session, INFO, 20.0))
+        coroutines.run(queries.ask(late.session, INFO, 20.0))
 
 
 def test_a_description_that_is_published_during_the_query_is_not_replaced_by_the_reply(late, new_watching_page):
@@ -127,7 +128,7 @@ def test_a_list_of_interfaces_that_changes_during_the_query_is_queried_again(lat
         await server.interfaces(late.session, None)
         await server.interfaces(late.session, None)
 
-    asyncio.run(query_twice())
+    coroutines.run(query_twice())
     assert late.queried[announced.interfaces_key("/mjplug")] == 2
 
 

@@ -5,6 +5,7 @@ import socket
 import threading
 
 import pytest
+from view import coroutines
 
 from mjplug.errors import WireError
 from mjplug.view.handoff import Handoff
@@ -75,7 +76,7 @@ def test_a_flood_from_another_thread_wakes_the_event_loop_once():
             while len(done) < before + 1000:
                 await asyncio.sleep(0)
 
-    asyncio.run(run())
+    coroutines.run(run())
     assert (len(wakes), len(done)) == (3, 3000)
 
 

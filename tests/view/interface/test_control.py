@@ -1,9 +1,12 @@
 """Pause, steps, reset and speed, and what other pages see of them."""
 
+import pytest
 from playwright.sync_api import expect
 from view.interface.conftest import shown
 from view.interface.live import until
 from view.interface.pages import TIMEOUT, button, state
+
+pytestmark = pytest.mark.slow
 
 
 def test_a_pause_on_one_page_pauses_the_server_and_is_seen_on_another(simulation, open_page):

@@ -9,6 +9,8 @@ from view.interface.conftest import shown
 from view.interface.live import until
 from view.interface.pages import button, point, select, selected, wait
 
+pytestmark = pytest.mark.slow
+
 
 def lift(page, button="right", modifier="Control", height=180):
     """Presses on the box and moves the mouse upwards; it stays pressed."""

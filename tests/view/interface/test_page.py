@@ -9,6 +9,8 @@ from view.interface.conftest import shown
 from view.interface.live import until
 from view.interface.pages import TIMEOUT, button, select, selected, state, wait
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_double_click_selects_and_the_panel_describes_the_body(simulation, page):
     button(page, "Show the model panels").click()
