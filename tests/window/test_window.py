@@ -26,7 +26,7 @@ from mjplug.window import run_window
 with connect(sys.argv[1], timeout=60) as client:
     run_window(client)
 """
-PATIENCE = 90.0
+ANSWER_TIMEOUT = 90.0
 
 
 class Screen:
@@ -43,7 +43,7 @@ class Screen:
 
     def act(self, *words):
         """Runs xdotool."""
-        subprocess.run(["xdotool", *words], env=self.environment, check=True, timeout=PATIENCE)
+        subprocess.run(["xdotool", *words], env=self.environment, check=True, timeout=ANSWER_TIMEOUT)
 
     def close(self):
         self._server.terminate()
@@ -100,7 +100,7 @@ class Frames:
 
 def do_until(act, condition, frames, process):
     """Acts in the window until a frame meets a condition: the window may not be there yet, or may miss a key."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + ANSWER_TIMEOUT
     while True:
         act()
         if frames.wait_for(condition, 10.0):
@@ -137,4 +137,4 @@ def test_keys_and_mouse_of_the_window_act_on_the_server(screen, server, window):
         do_until(lambda: (let_go(), lift()), lambda frame: frame.bodies[0, 2] > 0.34, frames, window)
         do_until(let_go, lambda frame: frame.bodies[0, 2] < 0.31, frames, window)
         window.send_signal(signal.SIGINT)
-        assert window.wait(PATIENCE) == -signal.SIGINT
+        assert window.wait(ANSWER_TIMEOUT) == -signal.SIGINT

@@ -12,7 +12,7 @@ export class Meter {
 
   /**
    * @param value - The quantity, which does not decrease.
-   * @param wallTime - When it had this value [s], by the clock of whoever measured it.
+   * @param wallTime - When it had this value [s], by the clock of the machine that measured it.
    */
   add(value: number, wallTime: number): void {
     const last = this.#marks.at(-1);

@@ -30,7 +30,7 @@ export class Plane {
 
   /**
    * @param radius - How far an infinite plane reaches [m].
-   * @param depth - Planes with a higher number lie below those with a lower number, where they are at the same height.
+   * @param depth - Where planes have the same height, the one with the lowest number is drawn on top.
    */
   constructor(
     entry: GeomEntry,

@@ -46,7 +46,7 @@ def open_page(browser, running):
         context = browser.new_context(
             viewport={"width": size[0], "height": size[1]}, bypass_csp=True, color_scheme="dark", **options
         )
-        context.set_default_timeout(1000 * live.PATIENCE)
+        context.set_default_timeout(1000 * live.ANSWER_TIMEOUT)
         page = context.new_page()
         errors, requests = [], []
         page.on("pageerror", lambda error: errors.append(error.stack))

@@ -12,13 +12,13 @@ from cli.process import COMMAND, STARTING, Lines, Served, environment
 
 from mjplug.client import connect
 
-PATIENCE = 60.0
+ANSWER_TIMEOUT = 60.0
 """Maximum time until something is seen on a page; drawing without a graphics card is slow [s]."""
 
 STATES = ("--plugin", "free_joint_state_publisher:states")
 
 
-def until(condition, within=PATIENCE):
+def until(condition, within=ANSWER_TIMEOUT):
     """Returns the first value of `condition` that is true."""
     end = time.monotonic() + within
     while True:
@@ -81,7 +81,7 @@ class Simulation:
         if self._states is None:
             self._client.wait_for("/states/free_joint_states")
             self._states = self._client.subscribe("/states/free_joint_states", depth=1)
-        (state,) = self._states.next(timeout=PATIENCE).free_joints
+        (state,) = self._states.next(timeout=ANSWER_TIMEOUT).free_joints
         return vector(state.pose.pose.position), vector(state.twist.twist.linear)
 
 

@@ -1,9 +1,9 @@
 """What tests read from a page and do on it."""
 
 from playwright.sync_api import expect
-from view.interface.live import PATIENCE
+from view.interface.live import ANSWER_TIMEOUT
 
-TIMEOUT = 1000 * PATIENCE
+TIMEOUT = 1000 * ANSWER_TIMEOUT
 
 
 def state(page, text):
