@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from mjplug.errors import MjplugError
-from mjplug.view.built_page import MISSING, BuiltPage
+from mjplug.view.built_page import BuiltPage
 from mjplug.view.notebook import NEEDS_WEBSOCKETS
 
 _END_TIMEOUT = 0.5
@@ -23,8 +23,7 @@ def check_view() -> None:
     """
     if importlib.util.find_spec("websockets") is None:
         raise MjplugError(NEEDS_WEBSOCKETS)
-    if not BuiltPage().built:
-        raise MjplugError(MISSING)
+    BuiltPage().require()
 
 
 class ViewProcess:

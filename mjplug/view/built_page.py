@@ -6,16 +6,30 @@ import mimetypes
 from dataclasses import dataclass
 from pathlib import Path
 
+from mjplug.errors import MjplugError
+
 FOLDER = Path(__file__).with_name("page")
 """Where the built page is."""
 
-MISSING = (
-    "the page has not been built; run `make page` in the folder of mjplug's source, or install mjplug from a wheel, "
-    "which contains it"
-)
+_SOURCES = Path(__file__).parents[2]
+"""The folder of the sources, if mjplug runs from it."""
 
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".txt": "text/plain"}
 _MIN_COMPRESSED = 1024
+
+
+def what_to_do(sources: Path = _SOURCES) -> str:
+    """Returns a sentence for users whose mjplug has no page.
+
+    Args:
+        sources: The folder above the package, which contains the sources of the page if mjplug runs from it.
+    """
+    if (sources / "page" / "package.json").is_file():
+        return f"the page has not been built; run `make page` in {sources}"
+    return (
+        "this installation of mjplug has no page, because the page had not been built before; run `make page` in the "
+        "folder with the sources of mjplug, and install it from there again: pip install '.[view]'"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +64,15 @@ class BuiltPage:
     def built(self) -> bool:
         """Whether there is a page."""
         return (self._folder / "index.html").is_file()
+
+    def require(self) -> None:
+        """Checks that there is a page.
+
+        Raises:
+            MjplugError: There is none; the text says how to build it.
+        """
+        if not self.built:
+            raise MjplugError(what_to_do())
 
     def find(self, name: str) -> PageFile | None:
         """Returns a file by its path relative to the folder, such as `page.js`; None if there is none.

@@ -82,13 +82,12 @@ def view(client: Client, *, height: int = 500, port: int = 0, read_only: bool = 
     # Not before the check, because these modules need websockets.
     from mjplug.view.access import new_token  # noqa: PLC0415
     from mjplug.view.background import BackgroundRelay  # noqa: PLC0415
-    from mjplug.view.built_page import MISSING, BuiltPage  # noqa: PLC0415
+    from mjplug.view.built_page import BuiltPage  # noqa: PLC0415
     from mjplug.view.listening import listen  # noqa: PLC0415
     from mjplug.view.relay import Options  # noqa: PLC0415
 
     page = BuiltPage()
-    if not page.built:
-        raise MjplugError(MISSING)
+    page.require()
     # The address of the notebook is not known; the token in the path keeps all other pages out.
     options = replace(Options(read_only=read_only), token=new_token(), frame_ancestors="*")
     listening = listen("127.0.0.1", port, search=False)

@@ -17,8 +17,7 @@ from zenoh.handlers import Callback
 from mjplug.client import Client
 from mjplug.client.errors import ClientError
 from mjplug.client.view_query import query
-from mjplug.errors import MjplugError
-from mjplug.view.built_page import FOLDER, MISSING
+from mjplug.view.built_page import FOLDER, BuiltPage
 from mjplug.view.recording import Recording
 from mjplug_schemas import names
 
@@ -84,8 +83,7 @@ def record(
     Raises:
         MjplugError: There is no page, the server does not answer, or the file cannot be written.
     """
-    if not (page / "index.html").is_file():
-        raise MjplugError(MISSING)
+    BuiltPage(page).require()
     key = names.key(server)
     # First, so that no file remains if the server does not answer.
     info, pack = _scene(client.session, key)

@@ -12,9 +12,8 @@ from pathlib import Path
 from mjplug.client import Client
 from mjplug.client.connection import Timeouts, open_client
 from mjplug.client.errors import NoServerError
-from mjplug.errors import MjplugError
 from mjplug.view.access import new_token
-from mjplug.view.built_page import MISSING, BuiltPage
+from mjplug.view.built_page import BuiltPage
 from mjplug.view.listening import Listening
 from mjplug.view.relay import Options, Relay
 
@@ -116,8 +115,7 @@ def serve_view(
         MjplugError: The page has not been built, or no server has been found in time.
     """
     page = page or BuiltPage()
-    if not page.built:
-        raise MjplugError(MISSING)
+    page.require()
     if not listening.loopback and options.token is None:
         options = replace(options, token=new_token())
     return asyncio.run(_run(connecting, listening, options, ready, page, until_closed))

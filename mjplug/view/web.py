@@ -11,7 +11,7 @@ from websockets.http11 import Request, Response
 
 from mjplug.client.errors import ClientError
 from mjplug.view.access import Access, Refusal
-from mjplug.view.built_page import MISSING, BuiltPage
+from mjplug.view.built_page import BuiltPage, what_to_do
 
 _POLICY = (
     "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; connect-src 'self'; "
@@ -82,7 +82,7 @@ class Web:
 
     def _file(self, segments: list[str], headers: Headers) -> Response:
         if not self._page.built:
-            return self._text(HTTPStatus.NOT_FOUND, MISSING)
+            return self._text(HTTPStatus.NOT_FOUND, what_to_do())
         path = [*segments[:-1], segments[-1] or "index.html"]
         found = (self._page.find("/".join(path[start:])) for start in range(len(path)))
         file = next((file for file in found if file is not None), None)

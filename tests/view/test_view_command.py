@@ -15,6 +15,7 @@ from cli.process import STARTING, Lines, Served, environment, run
 from view.page_client import FRAME, SAMPLES, Page
 
 from mjplug.security.folder import KeyFolder
+from mjplug.view import built_page
 
 WITHOUT = """
 import sys
@@ -162,6 +163,14 @@ def test_an_origin_that_is_none_is_a_usage_error(cli):
     done = cli("view", "--origin", "example.org")
     assert done.returncode == 2
     assert "'example.org' is not an origin; write it as https://example.org" in done.stderr
+
+
+def test_an_installation_without_the_page_is_told_to_build_it_first_and_to_install_again(tmp_path):
+    assert "make page" in (text := built_page.what_to_do(tmp_path))
+    assert text.endswith("install it from there again: pip install '.[view]'")
+    (tmp_path / "page").mkdir()
+    (tmp_path / "page" / "package.json").touch()
+    assert built_page.what_to_do(tmp_path) == f"the page has not been built; run `make page` in {tmp_path}"
 
 
 def test_a_view_that_may_not_wait_longer_ends_with_the_exit_code_of_the_network(new_view):
