@@ -2,7 +2,6 @@
 
 import itertools
 import statistics
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -14,6 +13,7 @@ from zenoh.handlers import Callback
 from mjplug.cli.output import say
 from mjplug.cli.silence import why_silent
 from mjplug.client import Client, TimedOutError, TopicInfo
+from mjplug.wakeup import Flag
 
 REPORT_EVERY = 1.0
 """Period of the reports [s]."""
@@ -195,7 +195,7 @@ class SimulatedNow:
     """
 
     def __init__(self) -> None:
-        self.known = threading.Event()
+        self.known = Flag()
         # Wall time, simulated time and rate of the last messages, in one tuple, because two threads use it.
         self._last: tuple[float, float, float] | None = None
 

@@ -1,7 +1,6 @@
 """`mjplug router`: a Zenoh router in its own process, to which servers and clients connect."""
 
 import signal
-import threading
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -9,6 +8,7 @@ from typing import Annotated
 import typer
 
 from mjplug.log import logging_to_stderr
+from mjplug.wakeup import Flag
 
 _POLL_INTERVAL = 1.0
 """Period at which the main thread wakes up [s]; on Windows, Ctrl-C does not interrupt a wait."""
@@ -45,7 +45,7 @@ def router(
     """
     from mjplug.wire.session import SessionSettings, open_router
 
-    stopping = threading.Event()
+    stopping = Flag()
     with logging_to_stderr(-1 if quiet else verbose):
         session = open_router(
             SessionSettings("router", tuple(listen) if listen else None, tuple(connect or ()), zenoh_config)
@@ -59,7 +59,7 @@ def router(
             session.close()
 
 
-def _stop_on_signals(stopping: threading.Event) -> None:
+def _stop_on_signals(stopping: Flag) -> None:
     def stop(number: int, frame: FrameType | None) -> None:
         stopping.set()
         # Another signal ends the process at once.

@@ -10,7 +10,7 @@ import zenoh
 
 from mjplug.client import request
 from mjplug.client.confirmation import await_publishers
-from mjplug.client.errors import TimedOutError, WrongTypeError
+from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
 from mjplug.client.graph import GIVE_TYPE, Graph
 from mjplug.client.parameters import read as read_parameters
 from mjplug.client.publisher import Publisher
@@ -46,14 +46,15 @@ class Client(Graph, StateCalls):
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
         super().__init__(session, endpoint, server)
-        # Protects the collections below; never held while waiting for a server.
-        self._lock = threading.Lock()
+        # Protects the collections below; never held while waiting for a server. A thread that Ctrl-C interrupts while it
+        # holds the lock can still close the client.
+        self._lock = threading.RLock()
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._called: dict[str, ServiceInfo] = {}
         self._driver: WireDriver | None = None
         # If a program does not close the client, Zenoh's threads may otherwise keep the process alive.
-        atexit.register(self.close)
+        atexit.register(self._close_at_exit)
 
     @overload
     def subscribe(
@@ -292,8 +293,11 @@ class Client(Graph, StateCalls):
             self._driver.release()
 
     def close(self) -> None:
-        """Closes all subscriptions and publishers and the session; a second call does nothing."""
-        atexit.unregister(self.close)
+        """Closes all subscriptions and publishers and the session; a second call does nothing.
+
+        Raises:
+            ClientError: Zenoh could not close the session.
+        """
         with self._lock:
             if self._closed:
                 return
@@ -303,7 +307,21 @@ class Client(Graph, StateCalls):
             subscription.close()
         for publisher in self._publishers.values():
             publisher.close()
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._close_session()
+
+    def _close_session(self) -> None:
+        try:
+            self._session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:
+            atexit.unregister(self._close_at_exit)
+            raise ClientError(f"the session with {self.endpoint} could not be closed: {error}") from error
+        atexit.unregister(self._close_at_exit)
+
+    def _close_at_exit(self) -> None:
+        self.close()
+        # Ctrl-C may have interrupted an earlier call.
+        if not self._session.is_closed():
+            self._close_session()
 
     def __enter__(self) -> "Client":
         return self
@@ -311,7 +329,13 @@ class Client(Graph, StateCalls):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            self.close()
+        except ClientError as failure:
+            if error is None:
+                raise
+            # The error in the block is more important, and Ctrl-C ends a program without a message.
+            error.add_note(str(failure))
 
     def _service_called(self, name: str) -> ServiceInfo:
         """Returns the entry of a service, from an earlier call if there was one, because a lookup takes longer."""

@@ -9,6 +9,7 @@ from zenoh.handlers import Callback
 from mjplug.client.errors import ClientError
 from mjplug.client.timeouts import bounded
 from mjplug.client.types import as_message, to_json
+from mjplug.wakeup import Flag
 from mjplug.wire.encoding import encoding_of
 
 M = TypeVar("M")
@@ -43,15 +44,16 @@ class Publisher(Generic[M]):
             congestion_control=zenoh.CongestionControl.BLOCK,
             reliability=zenoh.Reliability.RELIABLE,
         )
-        # Zenoh refuses to undeclare a publisher while it sends.
-        self._lock = threading.Lock()
-        self._matched = threading.Event()
+        # Zenoh refuses to undeclare a publisher while it sends. A thread that Ctrl-C interrupts while it holds the lock can
+        # still close the publisher.
+        self._lock = threading.RLock()
+        self._matched = Flag()
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
 
     @property
     def matched(self) -> bool:
         """Whether the topic has a subscriber."""
-        return self._matched.is_set()
+        return bool(self._matched)
 
     def wait_for_subscriber(self, timeout: float | None = None) -> bool:
         """Waits until the topic has a subscriber.

@@ -3,7 +3,6 @@
 import json
 import logging
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
@@ -14,6 +13,7 @@ from zenoh.handlers import Callback
 
 from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
 from mjplug.client.timeouts import bounded
+from mjplug.wakeup import Wakeup
 from mjplug.wire.encoding import Decoder, Limits, PayloadError, Received
 
 _log = logging.getLogger(__name__)
@@ -33,7 +33,7 @@ class Subscription(Generic[M]):
             ...
 
     Zenoh's thread only puts payloads into a queue; the reader's thread decodes them. If the reader is slower than the
-    topic, the oldest messages are dropped.
+    topic, the oldest messages are dropped. Ctrl-C may end a wait at any point; the subscription remains usable.
 
     Attributes:
         name: The topic's full name.
@@ -54,12 +54,16 @@ class Subscription(Generic[M]):
         self._decode = _decoder(type)
         if depth < 1:
             raise ClientError(f"depth is {depth}; it must be at least 1, the number of messages that can wait")
-        self._queue: deque[zenoh.Sample] = deque(maxlen=depth)
+        self._depth = depth
+        self._queue: deque[zenoh.Sample] = deque()
         self._newest: zenoh.Sample | None = None
         self._decoded: tuple[zenoh.Sample, M] | None = None
-        self._changed = threading.Condition()
+        self._changed = Wakeup()
+        # Only for Zenoh's threads. Readers take no lock, because Ctrl-C could leave it locked.
+        self._receiving = threading.Lock()
         self._closed = False
-        self._declared: Any = None
+        # The subscriber of Zenoh; `close` takes it out of the list, which is atomic.
+        self._declared: list[Any] = []
         self._thread: threading.Thread | None = None
         if callback is not None:
             # A daemon, so that a program that does not close the subscription can still exit.
@@ -100,24 +104,26 @@ class Subscription(Generic[M]):
         Raises:
             WrongTypeError: The payload does not match the topic's type.
         """
-        with self._changed:
-            self._changed.wait_for(
-                lambda: self._newest is not None or self._closed, None if timeout is None else bounded(timeout)
-            )
-            sample = self._newest
+        self._changed.wait_for(
+            lambda: self._newest is not None or self._closed, None if timeout is None else bounded(timeout)
+        )
+        sample, decoded = self._newest, self._decoded
         if sample is None:
             return None
-        if self._decoded is None or self._decoded[0] is not sample:
-            self._decoded = (sample, self._message(sample))
-        return self._decoded[1]
+        if decoded is None or decoded[0] is not sample:
+            decoded = self._decoded = (sample, self._message(sample))
+        return decoded[1]
 
     def close(self) -> None:
         """Closes the subscription and ends all waits for its messages; a second call does nothing."""
-        with self._changed:
-            self._closed = True
-            self._changed.notify_all()
-            declared, self._declared = self._declared, None
-        if declared is not None:
+        self._closed = True
+        self._changed.notify()
+        try:
+            declared = self._declared.pop()
+        except IndexError:
+            # Another call has closed it, or it was never opened.
+            pass
+        else:
             declared.undeclare()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(1.0)
@@ -138,35 +144,45 @@ class Subscription(Generic[M]):
         """
         handler = Callback(self._receive, indirect=False)
         if history:
-            self._declared = declare_advanced_subscriber(
-                session, key, handler, history=HistoryConfig(detect_late_publishers=True, max_samples=history)
+            self._declared.append(
+                declare_advanced_subscriber(
+                    session, key, handler, history=HistoryConfig(detect_late_publishers=True, max_samples=history)
+                )
             )
         else:
-            self._declared = session.declare_subscriber(key, handler)
+            self._declared.append(session.declare_subscriber(key, handler))
         if self._thread is not None:
             self._thread.start()
 
     def _receive(self, sample: zenoh.Sample) -> None:
         if sample.kind != zenoh.SampleKind.PUT:
             return
-        with self._changed:
-            self.dropped += len(self._queue) == self._queue.maxlen
+        with self._receiving:
+            # The oldest one is dropped first; otherwise, a reader that takes it meanwhile could lose the newest.
+            if len(self._queue) >= self._depth and self._oldest() is not None:
+                self.dropped += 1
             self._queue.append(sample)
             self._newest = sample
-            self._changed.notify_all()
+        self._changed.notify()
+
+    def _oldest(self) -> zenoh.Sample | None:
+        try:
+            return self._queue.popleft()
+        except IndexError:
+            return None
 
     def _take(self, timeout: float | None) -> zenoh.Sample | None:
         """Returns the oldest sample that waits; None when the subscription is closed."""
-        until = None if timeout is None else time.monotonic() + bounded(timeout)
-        with self._changed:
-            while not self._queue:
-                if self._closed:
-                    return None
-                left = None if until is None else until - time.monotonic()
-                if left is not None and left <= 0.0:
-                    raise TimedOutError(f"no message on {self.name} within {timeout:g} s")
-                self._changed.wait(left)
-            return self._queue.popleft()
+        limit = None if timeout is None else bounded(timeout)
+        sample, closed = self._changed.wait_for(self._oldest_or_end, limit) or (None, False)
+        if sample is None and not closed:
+            raise TimedOutError(f"no message on {self.name} within {timeout:g} s")
+        return sample
+
+    def _oldest_or_end(self) -> tuple[zenoh.Sample | None, bool] | None:
+        # In this order, because the last messages may arrive while the subscription is being closed.
+        closed, sample = self._closed, self._oldest()
+        return None if sample is None and not closed else (sample, closed)
 
     def _message(self, sample: zenoh.Sample) -> M:
         try:

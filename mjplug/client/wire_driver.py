@@ -30,7 +30,7 @@ class WireDriver(Driver):
         self._client = client
         self._find_service = find_service
         self._owner = uuid.uuid4().hex
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._token: zenoh.LivelinessToken | None = None
         self._types: dict[str, tuple[str, type[Message]]] = {}
 

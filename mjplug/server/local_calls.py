@@ -1,12 +1,12 @@
 """Requests to a server's services from its own process, without a network."""
 
-import threading
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic, Transport
 from mjplug.errors import UnknownName
+from mjplug.wakeup import Flag
 from mjplug_schemas.message import Message, Service
 
 M = TypeVar("M", bound=Message)
@@ -54,12 +54,12 @@ class AwaitedCall(LocalCall):
     """A request for whose answer another thread than the physics thread waits.
 
     Attributes:
-        ended: Set when there is an answer.
+        ended: Whether there is an answer.
     """
 
     def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
         super().__init__(request, parameters)
-        self.ended = threading.Event()
+        self.ended = Flag()
 
     def respond(self, response: Message) -> None:
         """Stores the response, and wakes the thread that waits."""

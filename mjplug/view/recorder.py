@@ -19,6 +19,7 @@ from mjplug.client.errors import ClientError
 from mjplug.client.view_query import query
 from mjplug.view.built_page import FOLDER, BuiltPage
 from mjplug.view.recording import Recording
+from mjplug.wakeup import Wakeup
 from mjplug_schemas import names
 
 MAX_WAITING = 32 << 20
@@ -185,27 +186,36 @@ class _Waiting:
     def __init__(self) -> None:
         self.lost = 0
         self._payloads: deque[bytes] = deque()
-        self._bytes = 0
-        self._arrived = threading.Condition()
+        # Their difference is the size of the waiting payloads [bytes]; one is changed by `put`, the other by `take`.
+        self._put = self._taken = 0
+        # Only for Zenoh's threads. The recorder takes no lock, because Ctrl-C could leave it locked.
+        self._putting = threading.Lock()
+        self._arrived = Wakeup()
 
     def put(self, sample: zenoh.Sample) -> None:
         payload = bytes(sample.payload)
-        with self._arrived:
+        with self._putting:
             self._payloads.append(payload)
-            self._bytes += len(payload)
-            while self._bytes > MAX_WAITING and len(self._payloads) > 1:
-                self._bytes -= len(self._payloads.popleft())
-                self.lost += 1
-            self._arrived.notify()
+            self._put += len(payload)
+            while self._put - self._taken > MAX_WAITING and len(self._payloads) > 1:
+                for oldest in self._pop():
+                    self._put -= len(oldest)
+                    self.lost += 1
+        self._arrived.notify()
 
     def take(self, timeout: float) -> list[bytes]:
         """Waits for payloads and returns all."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._payloads, timeout)
-            payloads = list(self._payloads)
-            self._payloads.clear()
-            self._bytes = 0
+        self._arrived.wait_for(lambda: self._payloads, timeout)
+        payloads = [payload for _ in range(len(self._payloads)) for payload in self._pop()]
+        self._taken += sum(map(len, payloads))
         return payloads
+
+    def _pop(self) -> list[bytes]:
+        """Returns the oldest payload, or nothing if the other thread has taken it meanwhile."""
+        try:
+            return [self._payloads.popleft()]
+        except IndexError:
+            return []
 
 
 def _scene(session: zenoh.Session, key: str) -> tuple[bytes, bytes]:

@@ -2,7 +2,7 @@
 
 import gzip
 import struct
-import threading
+from collections import deque
 from typing import NamedTuple
 
 import mujoco
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mjplug.client.errors import ClientError
 from mjplug.client.view_query import query
+from mjplug.wakeup import Wakeup
 from mjplug.window.errors import WindowError
 
 MODEL_TIMEOUT = 120.0
@@ -90,8 +91,9 @@ class States:
     """
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
-        self._newest: bytes | None = None
-        self._arrived = threading.Condition()
+        # The newest payload that has not been returned.
+        self._newest: deque[bytes] = deque(maxlen=1)
+        self._arrived = Wakeup()
         self._subscriber = session.declare_subscriber(f"{key}/@view/state", self._receive)
 
     def next(self, timeout: float) -> State | None:
@@ -103,10 +105,8 @@ class States:
         Raises:
             WindowError: The server sent something else.
         """
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._newest is not None, timeout)
-            payload, self._newest = self._newest, None
-        return None if payload is None else read_state(payload)
+        self._arrived.wait_for(lambda: self._newest, timeout)
+        return read_state(self._newest.pop()) if self._newest else None
 
     def close(self) -> None:
         """Unsubscribes."""
@@ -114,6 +114,5 @@ class States:
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        with self._arrived:
-            self._newest = sample.payload.to_bytes()
-            self._arrived.notify()
+        self._newest.append(sample.payload.to_bytes())
+        self._arrived.notify()
