@@ -44,8 +44,8 @@ class Publisher(Generic[M]):
             congestion_control=zenoh.CongestionControl.BLOCK,
             reliability=zenoh.Reliability.RELIABLE,
         )
-        # Zenoh refuses to undeclare a publisher while it sends. A thread that Ctrl-C interrupts while it holds the lock can
-        # still close the publisher.
+        # Zenoh refuses to undeclare a publisher while it sends. If Ctrl-C interrupts a thread that holds the lock, this
+        # thread can still close the publisher.
         self._lock = threading.RLock()
         self._matched = Flag()
         self._listener = self._publisher.declare_matching_listener(Callback(self._changed, indirect=False))
