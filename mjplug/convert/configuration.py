@@ -52,6 +52,8 @@ class Configuration:
                 "wheels": list(self.train.wheels),
                 "wheel_radius": self.train.radius,
             }
+            if self.train.slips:
+                result["diff_drive"]["wheel_separation_multiplier"] = self.train.multiplier
         result |= self._sensor_plugins()
         return result
 

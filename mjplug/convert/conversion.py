@@ -33,7 +33,7 @@ from mjplug.convert.rotations import numbers
 from mjplug.convert.scene import HOME, ROBOT_FILE, SCENE_FILE, build_scene, write_home
 from mjplug.convert.sensors import SensorWriter
 from mjplug.convert.source import Source
-from mjplug.convert.wheels import drive_train, largest_radius
+from mjplug.convert.wheels import drive_train, largest_radius, write_tyres
 from mjplug.convert.write_bodies import BodyWriter
 from mjplug.errors import ModelError, did_you_mean
 from mjplug.model.packages import Packages
@@ -150,6 +150,8 @@ class _Pipeline:
         drives = self._write_dynamics(mjcf, model, data, measured, free, disabled)
         lowest = lowest_points(robot, model, data)
         train = drive_train(robot, model, data, self.wheels, drives, lowest, report) if free else None
+        if train is not None:
+            write_tyres(mjcf, robot, train, report)
         self.progress("scene", 0.85)
         sensors = self._write_sensors(mjcf)
         place = placement(robot, model, data, free or floating_joint(robot) is not None)

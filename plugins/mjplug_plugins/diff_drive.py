@@ -27,6 +27,12 @@ class DiffDriveParameters(Parameters):
     wheel_separation: float = Field(
         default=0.0, ge=0, description="Distance between the left and the right wheels [m]; 0: from the model."
     )
+    wheel_separation_multiplier: float = Field(
+        default=1.0,
+        gt=0,
+        description="Factor of the separation, above 1 if the wheels slip sideways in turns: about 1 + (wheelbase / "
+        "separation)² for four wheels.",
+    )
     body: str = Field(default="", description="Body of the base; empty: the parent of the first wheel.")
     cmd_vel_topic: str = Field(default="{ns}/cmd_vel", description="Topic of the commands.")
     use_stamped_twist: bool = Field(
@@ -81,7 +87,8 @@ class DiffDrive(Plugin[DiffDriveParameters]):
         self._radius = parameters.wheel_radius
         self._wheels = _wheels(host, joints, servos, parameters.body) if joints else []
         half = parameters.wheel_separation / 2.0
-        self._lever = [math.copysign(half, wheel.left) if half else wheel.left for wheel in self._wheels]
+        factor = parameters.wheel_separation_multiplier
+        self._lever = [factor * (math.copysign(half, wheel.left) if half else wheel.left) for wheel in self._wheels]
         if parameters.use_stamped_twist:
             host.create_subscription(TwistStamped, parameters.cmd_vel_topic, lambda m: self._handle(m.twist))
         else:
