@@ -1,4 +1,4 @@
-"""The differential drive of a robot: which wheels drive it, their radius, and how it turns if the wheels slip sideways."""
+"""The differential drive of a robot: which wheels drive it, their radius, and how they slip in turns."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
