@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.errors import RequestError
+from mjplug.physics import sleep
 
 Array = NDArray[np.float64]
 
@@ -39,9 +40,6 @@ _IN_VECTOR = frozenset(
     }
 )
 """Arrays that mjSTATE_INTEGRATION contains."""
-
-_LONGEST_COUNTDOWN = 1000
-"""MuJoCo counts down from a few steps before a tree sleeps; a larger number in `tree_asleep` is an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +72,6 @@ def vector_of(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     vector = np.empty(mujoco.mj_stateSize(model, _STATE))
     mujoco.mj_getState(model, data, vector, _STATE)
     return vector
-
-
-def sleeps(model: mujoco.MjModel) -> bool:
-    """Returns whether bodies of the model may sleep."""
-    return bool(model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP) and hasattr(mujoco.MjData, "tree_asleep")
 
 
 def result_arrays(data: mujoco.MjData) -> dict[str, Array]:
@@ -152,41 +145,13 @@ def _set(model: mujoco.MjModel, data: mujoco.MjData, state: PhysicsState) -> Non
     mujoco.mj_setState(model, data, state.vector, _STATE)
     if state.asleep.size:
         data.tree_asleep[:] = state.asleep
-        _derive_awake(model, data)
-
-
-def _derive_awake(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Sets what MuJoCo derives from `tree_asleep`; its function for it (mj_updateSleep) is not in its API.
-
-    The next step compares the two, and would wake all bodies.
-    """
-    static, asleep, awake = (
-        int(getattr(mujoco.mjtSleepState, name)) for name in ("mjS_STATIC", "mjS_ASLEEP", "mjS_AWAKE")
-    )
-    tree_awake = data.tree_asleep < 0
-    data.tree_awake[:] = tree_awake
-    data.ntree_awake = int(tree_awake.sum())
-    moving, mocap = model.body_treeid >= 0, model.body_mocapid[model.body_rootid] >= 0
-    body_awake = np.where(mocap, awake, static)
-    body_awake[moving] = np.where(tree_awake[model.body_treeid[moving]], awake, asleep)
-    data.body_awake[:] = body_awake
-    bodies = np.flatnonzero(body_awake != asleep)
-    # The world has no parent.
-    children = 1 + np.flatnonzero(body_awake[model.body_parentid[1:]] != asleep)
-    dofs = np.flatnonzero(moving[model.dof_bodyid] & (body_awake[model.dof_bodyid] == awake))
-    data.nbody_awake, data.nparent_awake, data.nv_awake = len(bodies), len(children), len(dofs)
-    data.body_awake_ind[: len(bodies)] = bodies
-    data.parent_awake_ind[: len(children)] = children
-    data.dof_awake_ind[: len(dofs)] = dofs
+        sleep.derive_awake(model, data)
 
 
 def _check_asleep(model: mujoco.MjModel, asleep: NDArray[np.int32]) -> None:
-    """Checks `tree_asleep`: a negative countdown, or the next tree in a closed chain of sleeping trees."""
-    shape = (model.ntree,) if sleeps(model) else (0,)
+    shape = (model.ntree,) if sleep.sleeps(model) else (0,)
     _require(asleep.dtype == np.int32 and asleep.shape == shape, "tree_asleep has another size")
-    sleeping = np.flatnonzero(asleep >= 0)
-    closed = np.array_equal(np.sort(asleep[sleeping]), sleeping)
-    _require(closed and bool((asleep > -_LONGEST_COUNTDOWN).all()), "tree_asleep is invalid")
+    _require(sleep.is_valid(asleep), "tree_asleep is invalid")
 
 
 def _check_history(model: mujoco.MjModel, vector: Array) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import repeat
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,9 +10,10 @@ from numpy.typing import NDArray
 from mjplug.errors import MjplugError, ModelError, UnknownName
 from mjplug.limits import MAX_TIMESTEP, MIN_TIMESTEP
 from mjplug.near_names import Names
-from mjplug.physics import divergence, physics_state
+from mjplug.physics import divergence, physics_state, sleep
+from mjplug.physics.checkpoint import Checkpoint
 from mjplug.physics.divergence import Divergence
-from mjplug.physics.memory import SavedArrays, ZeroedArrays, float_view
+from mjplug.physics.memory import ZeroedArrays, float_view
 from mjplug.physics.physics_state import PhysicsState
 from mjplug.physics.step_time import StepTime
 from mjplug.physics.velocity import VelocityHold
@@ -77,7 +77,7 @@ class Simulation:
         self.data.time = 0.0
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
-        self._checkpoint = SavedArrays(_changed_by_steps(self.model, self.data))
+        self._checkpoint = Checkpoint(self.model, self.data)
         # `data.time` after the last valid step. It is MuJoCo's sum of time steps, which `time.seconds` does not equal.
         self._summed_time = self.data.time
         self._timestep = float(model.opt.timestep)
@@ -223,7 +223,7 @@ class Simulation:
 
     def save(self) -> PhysicsState:
         """Returns a copy of the state."""
-        asleep = self.data.tree_asleep if physics_state.sleeps(self.model) else np.empty(0, np.int32)
+        asleep = self.data.tree_asleep if sleep.sleeps(self.model) else np.empty(0, np.int32)
         return PhysicsState(
             physics_state.vector_of(self.model, self.data),
             asleep.copy(),
@@ -333,7 +333,7 @@ class Simulation:
         self._restore()
         if steps > 1:
             begin, first, began_at = self._checkpoint, self.step, self._summed_time
-            self._checkpoint = SavedArrays(_changed_by_steps(self.model, self.data))
+            self._checkpoint = Checkpoint(self.model, self.data)
             for _ in range(steps):
                 self.checkpoint()
                 again = self.advance(1)
@@ -346,16 +346,8 @@ class Simulation:
         return found
 
     def _restore(self) -> None:
-        self._checkpoint.restore()
+        self._kinematics_current = self._checkpoint.restore()
+        if self._kinematics_current:
+            self._forwarded = self.step
         self.data.time = self._summed_time
-        self._kinematics_current = False
         divergence.clear(self.data)
-
-
-def _changed_by_steps(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[Any]]:
-    """Returns the arrays that a step changes and the next step reads."""
-    names = ["qpos", "qvel", "act", "qacc_warmstart", "plugin_state", "history"]
-    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
-        names.append("tree_asleep")
-    # Some releases of MuJoCo lack some of them.
-    return [getattr(data, name) for name in names if hasattr(data, name)]
