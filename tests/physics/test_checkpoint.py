@@ -14,7 +14,8 @@ SCENE = """
   <option timestep="0.002"><flag sleep="enable"/></option>
   <worldbody>
     <geom type="plane" size="9 9 .1"/>
-    <body name="box" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
+    <body name="box" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/>
+      <site name="box" type="box" size=".11 .11 .11"/></body>
     <body name="other" pos="3 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
     <body name="ball" pos=".03 .02 4"><freejoint/><geom size=".05"/></body>
     <body name="runaway" pos="0 5 3"><joint name="rail" type="slide"/>
@@ -23,12 +24,7 @@ SCENE = """
   <actuator><general joint="rail" dyntype="integrator" gainprm="1e15"/></actuator>
   <sensor><framepos objtype="body" objname="box"/><touch site="box"/></sensor>
 </mujoco>
-""".replace(
-    '<geom type="box" size=".1 .1 .1"/></body>\n    <body name="other"',
-    """<geom type="box" size=".1 .1 .1"/>
-      <site name="box" type="box" size=".11 .11 .11"/></body>
-    <body name="other\"""",
-)
+"""
 
 
 def diverged(batched, ctrl):
