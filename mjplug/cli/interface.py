@@ -1,4 +1,4 @@
-"""`mjplug interface`: message and service types."""
+"""`mjplug interface`: message, service and action types."""
 
 import sys
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,9 +10,9 @@ from mjplug.cli.names import complete_type
 from mjplug.cli.output import say
 
 if TYPE_CHECKING:
-    from mjplug_schemas.message import Message, Service
+    from mjplug_schemas.registry import Interface
 
-app = typer.Typer(name="interface", help="Shows message and service types.", no_args_is_help=True)
+app = typer.Typer(name="interface", help="Shows message, service and action types.", no_args_is_help=True)
 
 TypeName = Annotated[
     str, typer.Argument(metavar="TYPE", help="Such as std_msgs/msg/String.", autocompletion=complete_type)
@@ -23,13 +23,14 @@ TypeName = Annotated[
 def list_types(
     messages: Annotated[bool, typer.Option("--only-msgs", "-m", help="List only messages.")] = False,
     services: Annotated[bool, typer.Option("--only-srvs", "-s", help="List only services.")] = False,
+    actions: Annotated[bool, typer.Option("--only-actions", "-a", help="List only actions.")] = False,
 ) -> None:
     """Lists the types."""
     from mjplug_schemas.registry import all_types
 
+    chosen = [kind for kind, wanted in (("msg", messages), ("srv", services), ("action", actions)) if wanted]
     for name in all_types():
-        kind = name.split("/")[1]
-        if messages == services or kind == ("msg" if messages else "srv"):
+        if not chosen or name.split("/")[1] in chosen:
             say(name)
 
 
@@ -52,7 +53,7 @@ def show(
     ] = False,
     no_comments: Annotated[bool, typer.Option("--no-comments", help="Show no comments and no empty lines.")] = False,
 ) -> None:
-    """Shows the definition of a type in the format of .msg and .srv files, with its nested types."""
+    """Shows the definition of a type in the format of .msg, .srv and .action files, with its nested types."""
     from mjplug.cli.interface_text import definition_lines
 
     if all_comments and no_comments:
@@ -72,12 +73,14 @@ def proto(
     type: TypeName,
     no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Omit the quotes.")] = False,
 ) -> None:
-    """Shows a message or request with its initial values, as input for `topic pub` and `service call`."""
+    """Shows a message, request or goal with its initial values, for `topic pub`, `service call`, `action send_goal`."""
     from mjplug.cli.render import Rendering
-    from mjplug_schemas.message import Message
+    from mjplug_schemas.action import Action
+    from mjplug_schemas.message import Service
 
     found = _find(type)
-    message = found() if issubclass(found, Message) else found.Request()
+    shown: Any = found.Goal if issubclass(found, Action) else found
+    message = shown.Request() if issubclass(shown, Service) else shown()
     text = Rendering().text(message)
     # Like ros2, with a line break before the closing quote.
     say(text if no_quotes else f'"{text}\n"')
@@ -92,11 +95,11 @@ def hash_(type: TypeName) -> None:
     say(type_hash(found))
 
 
-def _find(name: str) -> "type[Message] | type[Service]":
+def _find(name: str) -> "Interface":
     from mjplug.cli.values import full_type
     from mjplug.client.types import find, known
 
-    for kind in ("msg", "srv"):
+    for kind in ("msg", "srv", "action"):
         if found := known(full_type(name, kind)):
             return found
     return find(name)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mjplug_schemas.definition import definition
+from mjplug_schemas.errors import UnknownType
 from mjplug_schemas.registry import find
 
 _NESTED = re.compile(r"(?P<package>[a-z]\w*)/(?P<name>[A-Z]\w*)(\[[^\]]*\])? ")
@@ -12,10 +13,10 @@ _NESTED = re.compile(r"(?P<package>[a-z]\w*)/(?P<name>[A-Z]\w*)(\[[^\]]*\])? ")
 
 
 def definition_lines(interface: Any, comments: bool = True, inner_comments: bool = False) -> Iterator[str]:
-    """Yields the lines of a definition in the format of .msg and .srv files.
+    """Yields the lines of a definition in the format of .msg, .srv and .action files.
 
     Args:
-        interface: The class of a message or service.
+        interface: The class of a message, service or action.
         comments: Whether to keep its comments and empty lines.
         inner_comments: Whether to keep those of nested types.
     """
@@ -23,6 +24,14 @@ def definition_lines(interface: Any, comments: bool = True, inner_comments: bool
         if comments or (line and not line.startswith("#")):
             yield line
         if nested := _NESTED.match(line):
-            inner = find(f"{nested['package']}/msg/{nested['name']}")
+            inner = _find(nested["package"], nested["name"])
             for below in definition_lines(inner, inner_comments, inner_comments):
                 yield f"\t{below}" if below else ""
+
+
+def _find(package: str, name: str) -> Any:
+    """Returns the class of a nested type, which may be part of an action, such as `FollowJointTrajectory_Goal`."""
+    try:
+        return find(f"{package}/msg/{name}")
+    except UnknownType:
+        return find(f"{package}/action/{name}")

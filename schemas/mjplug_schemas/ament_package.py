@@ -1,15 +1,16 @@
-"""Writes a ROS package with message and service definitions, for `colcon build`."""
+"""Writes a ROS package with message, service and action definitions, for `colcon build`."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from html import escape
 
+from mjplug_schemas.action import Action
 from mjplug_schemas.definition import definition
 from mjplug_schemas.errors import DefinitionError
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.shape import fields
 
-Interface = type[Message] | type[Service]
+Interface = type[Message] | type[Service] | type[Action]
 
 _PACKAGE = """\
 <?xml version="1.0"?>
@@ -54,17 +55,17 @@ def ament_package(
     maintainer: tuple[str, str],
     license: str = "Apache-2.0",
 ) -> Mapping[str, str]:
-    """Returns the files of an ament_cmake package that contains all messages and services of one ROS package.
+    """Returns the files of an ament_cmake package that contains all messages, services and actions of one ROS package.
 
     Args:
-        interfaces: The messages and services.
+        interfaces: The messages, services and actions.
         version: Version of the package, such as `1.2.3`.
         description: What the package contains, in one sentence.
         maintainer: Name and email address of the maintainer.
         license: Licence, as an SPDX identifier.
 
     Returns:
-        The texts by relative paths: `package.xml`, `CMakeLists.txt`, `msg/*.msg` and `srv/*.srv`.
+        The texts by relative paths: `package.xml`, `CMakeLists.txt`, `msg/*.msg`, `srv/*.srv` and `action/*.action`.
 
     Raises:
         DefinitionError: There are no interfaces, or they belong to several packages.
@@ -103,7 +104,14 @@ def _path(type_name: str) -> str:
 
 def _packages(interface: Interface) -> Iterator[str]:
     """Yields the packages of the messages that the fields contain."""
-    for part in (interface.Request, interface.Response) if issubclass(interface, Service) else (interface,):
+    parts: tuple[type[Message], ...]
+    if issubclass(interface, Service):
+        parts = (interface.Request, interface.Response)
+    elif issubclass(interface, Action):
+        parts = (interface.Goal, interface.Result, interface.Feedback)
+    else:
+        parts = (interface,)
+    for part in parts:
         for field in fields(part):
             if not isinstance(field.element, Primitive):
                 yield str(getattr(field.element, "TYPE", "")).partition("/")[0]

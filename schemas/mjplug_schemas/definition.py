@@ -1,21 +1,25 @@
-"""Writes the definition of an interface in the format of ROS's `.msg` and `.srv` files."""
+"""Writes the definition of an interface in the format of ROS's `.msg`, `.srv` and `.action` files."""
 
 import json
 from collections.abc import Iterator
 from inspect import cleandoc
 from typing import Any, ClassVar, get_args, get_origin, get_type_hints
 
+from mjplug_schemas.action import Action
 from mjplug_schemas.errors import DefinitionError
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.shape import Field, fields
 
 
-def definition(interface: type[Message] | type[Service]) -> str:
-    """Returns the definition of a message or service, with constants, default values and descriptions."""
+def definition(interface: type[Message] | type[Service] | type[Action]) -> str:
+    """Returns the definition of a message, service or action, with constants, default values and descriptions."""
     if issubclass(interface, Service):
         request, response = (_body(part) for part in (interface.Request, interface.Response))
         return f"{_heading(interface)}{request}---\n{response}"
+    if issubclass(interface, Action):
+        goal, result, feedback = (_body(part) for part in (interface.Goal, interface.Result, interface.Feedback))
+        return f"{_heading(interface)}{goal}---\n{result}---\n{feedback}"
     return _heading(interface) + _body(interface)
 
 

@@ -1,12 +1,14 @@
-"""Finds messages and services by their ROS type names."""
+"""Finds messages, services and actions by their ROS type names."""
 
 import inspect
 from functools import cache
 from types import MappingProxyType
 
 from mjplug_schemas import (
+    action_msgs,
     builtin_interfaces,
     control_msgs,
+    control_msgs_action,
     diagnostic_msgs,
     geometry_msgs,
     mjplug_msgs,
@@ -21,14 +23,18 @@ from mjplug_schemas import (
     tf2_msgs,
     trajectory_msgs,
     type_description_interfaces,
+    unique_identifier_msgs,
     visualization_msgs,
 )
+from mjplug_schemas.action import Action
 from mjplug_schemas.errors import DefinitionError, UnknownType
 from mjplug_schemas.message import Message, Service
 
 _PACKAGES = (
+    action_msgs,
     builtin_interfaces,
     control_msgs,
+    control_msgs_action,
     diagnostic_msgs,
     geometry_msgs,
     mjplug_msgs,
@@ -43,14 +49,19 @@ _PACKAGES = (
     tf2_msgs,
     trajectory_msgs,
     type_description_interfaces,
+    unique_identifier_msgs,
     visualization_msgs,
 )
 
-_added: dict[str, type[Message] | type[Service]] = {}
+Interface = type[Message] | type[Service] | type[Action]
+
+_added: dict[str, Interface] = {}
 
 
-def find(name: str) -> type[Message] | type[Service]:
+def find(name: str) -> Interface:
     """Returns the class of a ROS type, such as `std_msgs/msg/String`, `std_srvs/srv/Trigger` or `…/Trigger_Request`.
+
+    Types that are derived from an action, such as `…/Fibonacci_SendGoal`, are found too.
 
     Raises:
         UnknownType: The type is not defined; the text suggests a similar name.
@@ -62,15 +73,20 @@ def find(name: str) -> type[Message] | type[Service]:
     service = types.get(service_name)
     if part in ("Request", "Response") and isinstance(service, type) and issubclass(service, Service):
         return service.Request if part == "Request" else service.Response
+    # The names of derived types of actions contain up to two parts after the name of the action.
+    for action_name in (service_name, service_name.rpartition("_")[0]):
+        action = types.get(action_name)
+        if isinstance(action, type) and issubclass(action, Action) and name in action.derived():
+            return action.derived()[name]
     raise UnknownType(name, types)
 
 
-def all_types() -> MappingProxyType[str, type[Message] | type[Service]]:
-    """Returns all messages and services by their ROS type names, in alphabetical order."""
+def all_types() -> MappingProxyType[str, Interface]:
+    """Returns all messages, services and actions by their ROS type names, in alphabetical order."""
     return MappingProxyType(dict(sorted((_bundled() | _added).items())))
 
 
-def add(interface: type[Message] | type[Service]) -> None:
+def add(interface: Interface) -> None:
     """Adds a type from outside this package to the registry.
 
     Raises:
@@ -82,10 +98,10 @@ def add(interface: type[Message] | type[Service]) -> None:
 
 
 @cache
-def _bundled() -> dict[str, type[Message] | type[Service]]:
-    types: dict[str, type[Message] | type[Service]] = {}
+def _bundled() -> dict[str, Interface]:
+    types: dict[str, Interface] = {}
     for package in _PACKAGES:
         for _, interface in inspect.getmembers(package, inspect.isclass):
-            if issubclass(interface, Message | Service) and interface.__module__ == package.__name__:
+            if issubclass(interface, Message | Service | Action) and interface.__module__ == package.__name__:
                 types[interface.TYPE] = interface
     return types

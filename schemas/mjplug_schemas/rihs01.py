@@ -4,10 +4,12 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator
 from functools import cache
+from itertools import chain
 from typing import Any
 
 from pydantic import BaseModel
 
+from mjplug_schemas.action import Action
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message, Service
 from mjplug_schemas.service_msgs import ServiceEventInfo
@@ -20,22 +22,27 @@ _ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
 
 
 @cache
-def type_hash(interface: type[Message] | type[Service]) -> str:
-    """Returns the type hash of a message or service, `RIHS01_` and 64 hexadecimal digits."""
+def type_hash(interface: type[Message] | type[Service] | type[Action]) -> str:
+    """Returns the type hash of a message, service or action, `RIHS01_` and 64 hexadecimal digits."""
     text = json.dumps(type_description(interface))
     return f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def type_description(interface: type[Message] | type[Service]) -> dict[str, Any]:
+def type_description(interface: type[Message] | type[Service] | type[Action]) -> dict[str, Any]:
     """Returns the type description that is hashed: the type and all types that it refers to.
 
     It does not contain default values and constants.
     """
     if issubclass(interface, Service):
         own, parts = _service(interface)
+        messages = _service_messages(interface)
+    elif issubclass(interface, Action):
+        own, parts = _action(interface)
+        messages = _action_messages(interface)
     else:
         own, parts = _message(interface), {}
-    for used in _closure([interface] if issubclass(interface, Message) else _service_messages(interface)):
+        messages = [interface]
+    for used in _closure(messages):
         parts[_name(used)] = _message(used)
     parts.pop(own["type_name"], None)
     return {"type_description": own, "referenced_type_descriptions": [parts[name] for name in sorted(parts)]}
@@ -70,6 +77,28 @@ def _service(service: type[Service]) -> tuple[dict[str, Any], dict[str, dict[str
         ],
     )
     return own, {event: event_type}
+
+
+def _action_messages(action: type[Action]) -> list[type[BaseModel]]:
+    services = (_service_messages(service) for service in (action.SendGoal, action.GetResult))
+    return [action.Goal, action.Result, action.Feedback, action.FeedbackMessage, *chain.from_iterable(services)]
+
+
+def _action(action: type[Action]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    parts: dict[str, dict[str, Any]] = {}
+    for service in (action.SendGoal, action.GetResult):
+        own, event = _service(service)
+        parts |= event | {service.TYPE: own}
+    members: dict[str, type[Message] | type[Service]] = {
+        "goal": action.Goal,
+        "result": action.Result,
+        "feedback": action.Feedback,
+        "send_goal_service": action.SendGoal,
+        "get_result_service": action.GetResult,
+        "feedback_message": action.FeedbackMessage,
+    }
+    described = [_field(name, _NESTED, nested=member.TYPE) for name, member in members.items()]
+    return _type(action.TYPE, described), parts
 
 
 def _message(message: type[BaseModel]) -> dict[str, Any]:

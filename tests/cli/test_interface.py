@@ -60,10 +60,11 @@ def test_every_type_is_shown_with_everything_inside_it():
         return 1 + sum(parts(inner) for inner in nested(interface))
 
     for name, kind in all_types().items():
-        halves = (kind.Request, kind.Response) if hasattr(kind, "Request") else (kind,)
+        names = [part for part in ("Request", "Response", "Goal", "Result", "Feedback") if hasattr(kind, part)]
+        sections = [getattr(kind, part) for part in names] or [kind]
         lines = definition_lines(kind, comments=False)
         deep = [line for line in lines if "/" in line.split(" ")[0]]
-        assert len(deep) == sum(parts(half) - 1 for half in halves), name
+        assert len(deep) == sum(parts(section) - 1 for section in sections), name
 
 
 def test_the_type_may_come_from_another_command(monkeypatch):
@@ -78,6 +79,27 @@ def test_a_prototype_is_a_message_with_its_initial_values():
     assert quoted == f'"{text}"\n'
     assert shown("proto", "std_srvs/srv/SetBool") == '"data: false\n"\n'
     assert shown("proto", "std_srvs/srv/Trigger", "--no-quotes") == "{}\n"
+    goal = shown("proto", "control_msgs/action/GripperCommand", "--no-quotes")
+    assert yaml.safe_load(goal) == {"command": {"position": 0.0, "max_effort": 0.0}}
+
+
+def test_an_action_is_shown_with_its_three_parts():
+    parts = shown("show", "control_msgs/action/GripperCommand", "--no-comments").split("---\n")
+    state = "float64 position\nfloat64 effort\nbool stalled\nbool reached_goal\n"
+    assert parts == [
+        "control_msgs/GripperCommand command\n\tfloat64 position\n\tfloat64 max_effort\n",
+        state,
+        state,
+    ]
+    # A derived type contains parts of the action.
+    sent = shown("show", "control_msgs/action/GripperCommand_SendGoal", "--no-comments").splitlines()
+    assert "control_msgs/GripperCommand_Goal goal" in sent
+
+
+def test_the_kinds_of_types_are_listed():
+    assert shown("list", "--only-actions").splitlines() == [name for name in all_types() if "/action/" in name]
+    both = shown("list", "-s", "-a").splitlines()
+    assert both == [name for name in all_types() if "/msg/" not in name]
 
 
 @pytest.mark.parametrize(

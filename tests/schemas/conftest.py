@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from mjplug_schemas.action import Action
 from mjplug_schemas.definition import definition
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message
@@ -34,11 +35,13 @@ DTYPES = {"char": "uint8", "byte": "int8"}
 
 
 def plain_messages():
-    """All registered messages, requests and responses, by type name."""
+    """All registered messages, requests, responses, and messages that belong to actions, by type name."""
     found = {}
     for name, interface in all_types().items():
         if issubclass(interface, Message):
             found[name] = interface
+        elif issubclass(interface, Action):
+            found |= {part: cls for part, cls in interface.derived().items() if issubclass(cls, Message)}
         else:
             found |= {part.TYPE: part for part in (interface.Request, interface.Response)}
     return found
@@ -89,8 +92,8 @@ class Rosbags:
 
     def add(self, message):
         # rosbags would turn pkg/srv/X into pkg/srv/msg/X, so the text is parsed under another name.
-        parsed = get_types_from_msg(definition(message), "parsed/msg/Parsed")["parsed/msg/Parsed"]
-        self.store.register({message.TYPE: parsed})
+        constants, parsed = get_types_from_msg(definition(message), "parsed/msg/Parsed")["parsed/msg/Parsed"]
+        self.store.register({message.TYPE: (constants, [(name, _of_action(kind)) for name, kind in parsed])})
 
     def encode(self, message, little_endian=True):
         """The message in CDR, by rosbags."""
@@ -137,6 +140,14 @@ class Rosbags:
                 value &= 0xFF
             values[field.name] = value
         return message(**values)
+
+
+def _of_action(kind):
+    """The type of a field; rosbags takes a part of an action, such as pkg/action/X_Goal, for a message."""
+    node, name = kind
+    if node == Nodetype.NAME and name.replace("/msg/", "/action/") in plain_messages():
+        return node, name.replace("/msg/", "/action/")
+    return kind
 
 
 def _signed(octet):
