@@ -12,7 +12,8 @@ class Message(BaseModel):
     """A ROS 2 message: an immutable record with fields in wire order, each with ROS's default value.
 
     The ROS package is the name of the module that contains the class, unless the class sets it:
-    `class Grip(Message, package="my_msgs")`. Every field needs a default value. Constants are class variables, as in
+    `class Grip(Message, package="my_msgs")`. The name of the type is that of the class, unless the class sets it with
+    `name`, because a service has the same name. Every field needs a default value. Constants are class variables, as in
     `OPEN: ClassVar[uint8] = 1`.
 
     Attributes:
@@ -28,9 +29,9 @@ class Message(BaseModel):
 
     TYPE: ClassVar[str] = ""
 
-    def __init_subclass__(cls, package: str | None = None, **kwargs: Any) -> None:
+    def __init_subclass__(cls, package: str | None = None, name: str | None = None, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        cls.TYPE = f"{package or _package(cls)}/msg/{cls.__name__}"
+        cls.TYPE = f"{package or _package(cls)}/msg/{name or cls.__name__}"
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

@@ -36,6 +36,8 @@ from mjplug_schemas.std_srvs import SetBool, Trigger
 VECTORS = Path(__file__).parent / "vectors"
 HASHES = json.loads((VECTORS / "rihs01.json").read_text())
 HASHES |= json.loads((VECTORS / "actions.json").read_text())["hashes"]
+# Its first entry contains the present version, the second one an older version.
+HASHES |= next(iter(json.loads((VECTORS / "simulation_interfaces_rihs01.json").read_text()).values()))
 # The fields of interfaces that rosbags does not ship, as ROS's own files list them.
 ELSEWHERE = {
     "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
@@ -240,8 +242,8 @@ def test_an_unknown_type_is_explained(name, hint):
     assert str(caught.value) == (
         f"unknown type {name!r}{hint}; known packages: action_msgs, builtin_interfaces, control_msgs, diagnostic_msgs, "
         "geometry_msgs, mjplug_msgs, mujoco_ros2_control_msgs, nav_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs, "
-        "service_msgs, std_msgs, std_srvs, tf2_msgs, trajectory_msgs, type_description_interfaces, "
-        "unique_identifier_msgs, visualization_msgs"
+        "service_msgs, simulation_interfaces, std_msgs, std_srvs, tf2_msgs, trajectory_msgs, "
+        "type_description_interfaces, unique_identifier_msgs, visualization_msgs"
     )
 
 
