@@ -46,8 +46,8 @@ class Client(Graph, StateCalls):
 
     def __init__(self, session: zenoh.Session, endpoint: str, server: str = "") -> None:
         super().__init__(session, endpoint, server)
-        # Protects the collections below; never held while waiting for a server. If Ctrl-C interrupts a thread that holds
-        # it, this thread can still close the client.
+        # Protects the collections below; never held while waiting for a server. If Ctrl-C interrupts a thread that
+        # holds it, this thread can still close the client.
         self._lock = threading.RLock()
         self._publishers: dict[tuple[str, type[Any]], Publisher[Any]] = {}
         self._subscriptions: list[Subscription[Any]] = []
