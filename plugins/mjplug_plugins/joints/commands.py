@@ -9,9 +9,10 @@ from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, commands_for
 from mjplug_plugins.joints.outputs import Drive
-from mjplug_plugins.joints.parameters import Group, Interface, JointCommandsParameters, PidGains
+from mjplug_plugins.joints.parameters import Group, JointCommandsParameters, PidGains
 from mjplug_plugins.joints.pid import PidBank
 from mjplug_plugins.joints.trajectories import Trajectories
+from mjplug_plugins.joints.transmission import Interface
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64MultiArray
 from mjplug_schemas.trajectory_msgs import JointTrajectory
@@ -65,6 +66,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
             self._trajectories.update()
         if self._expiries and self._host.step >= self._next_expiry:
             self._expire()
+        self._joints.couplings.apply()
         pid_running = False
         for bank in self._joints.banks:
             if bank.count:
@@ -92,6 +94,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
         return {
             **banks,
             **self._trajectories.save(),
+            "coupled": joints.couplings.save(),
             "desired": {name: drive.desired for name, drive in joints.drives.items()},
             "expiries": [
                 (drive.joint.name, interface, until - step) for (drive, interface), until in self._expiries.items()
@@ -118,6 +121,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
             bank.restore(own)
         for drive, value in desired.items():
             drive.desired = value
+        joints.couplings.restore(saved.get("coupled", {}))
         self._trajectories.resume(tracks)
         self._expiries = expiries
         self._next_expiry = min(expiries.values(), default=0)
@@ -130,13 +134,15 @@ class JointCommands(Plugin[JointCommandsParameters]):
 
     @property
     def _busy(self) -> bool:
-        return self._trajectories.running or bool(self._expiries) or any(bank.count for bank in self._joints.banks)
+        joints = self._joints
+        running = self._trajectories.running or joints.couplings.pending
+        return running or bool(self._expiries) or any(bank.count for bank in joints.banks)
 
     def _hold(self) -> None:
         if self._parameters.hold_at_start:
             for drive in self._joints.drives.values():
                 if drive.has_position_pid:
-                    drive.command("position", float(self._host.data.qpos[drive.joint.qpos]))
+                    drive.command("position", drive.joint.position(self._host.data))
         self._wake()
 
     def _wake(self) -> None:

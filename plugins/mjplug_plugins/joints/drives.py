@@ -1,16 +1,19 @@
 """Determines how each joint is commanded, from own actuators and the configuration."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import cast
 
 from mjplug.plugin import Host, PluginError, UnknownName
 from mjplug.plugin.bundled import Drives, float_view
 from mjplug_plugins.joints.actuators import Actuator, actuators_of
+from mjplug_plugins.joints.coupling import Coupling, Couplings
+from mjplug_plugins.joints.derived_drives import DerivedSide
 from mjplug_plugins.joints.outputs import DirectOutput, Drive, Output, PidOutput
-from mjplug_plugins.joints.parameters import Interface, JointCommandsParameters, PidGains, PidGainsByMode
+from mjplug_plugins.joints.parameters import JointCommandsParameters, PidGains, PidGainsByMode
 from mjplug_plugins.joints.pid import PidBank
 from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, scalar_joints
+from mjplug_plugins.joints.transmission import Interface, relations_of
 
 _PID_INTERFACES: dict[Drives, tuple[Interface, ...]] = {
     Drives.POSITION: (),
@@ -28,6 +31,7 @@ class JointDrives:
         drives: Commandable joints, by name.
         passive: Names of joints that cannot be commanded, or that mimic another joint.
         banks: The PIDs for position commands and the PIDs for velocity commands.
+        couplings: The commands that transmissions convert.
         gains: The configured gains and the PIDs that they apply to, by name, such as `position.joint1`.
 
     Args:
@@ -42,11 +46,12 @@ class JointDrives:
         self._host, self._parameters = host, parameters
         self._pid_gains = parameters.pid_gains or PidGainsByMode()
         joints = scalar_joints(host.model)
+        self._relations = relations_of(parameters.transmissions, joints)
         actuators = actuators_of(host, joints, parameters.actuators)
         selected = list(joints.values())
         if parameters.joints:
-            selected = chosen(joints, dict.fromkeys([*parameters.joints, *parameters.mimic]), host.model)
-        for name in parameters.joints:
+            selected = chosen(joints, self._real([*parameters.joints, *parameters.mimic]), host.model)
+        for name in self._real(parameters.joints):
             if name not in actuators:
                 raise PluginError(f"joint {name!r} has no actuator; joints with an actuator: {', '.join(actuators)}")
         commanded = {joint.name: (joint, actuators[joint.name]) for joint in selected if joint.name in actuators}
@@ -65,6 +70,8 @@ class JointDrives:
                 outputs[cast(Interface, interface)] += by_joint.get(name, [])
             available = {interface: own for interface, own in outputs.items() if own}
             self.drives[name] = Drive(joint, available, self._warn_limited)
+        self.couplings = Couplings()
+        self._add_derived(commanded)
         self._mimic(joints)
         self.passive = joints.keys() - self.drives.keys()
 
@@ -74,6 +81,7 @@ class JointDrives:
             bank.stop_all()
         for drive in self.drives.values():
             drive.desired = None
+        self.couplings.release()
 
     def find(self, name: str) -> Drive:
         """Returns the drive of a joint, by name.
@@ -84,6 +92,30 @@ class JointDrives:
         if name not in self.drives:
             raise UnknownName("commandable joint", name, self.drives)
         return self.drives[name]
+
+    def _real(self, names: Iterable[str]) -> dict[str, None]:
+        """Returns names with the joints of the model in place of derived coordinates, each name once."""
+        replaced = {name: relation.real for relation in self._relations for name in relation.derived}
+        return dict.fromkeys(
+            real
+            for name in names
+            for real in ([joint.name for joint in replaced[name]] if name in replaced else [name])
+        )
+
+    def _add_derived(self, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]) -> None:
+        """Adds the drives that transmissions derive, except where a joint has no actuator."""
+        side = DerivedSide(self._host, self._pid_gains, self._warn_limited)
+        for relation in self._relations:
+            if not all(joint.name in self.drives for joint in relation.real):
+                continue
+            real = [self.drives[joint.name] for joint in relation.real]
+            # A direct command for an actuator of the model also stops the PIDs of derived coordinates that move it.
+            pids = [self._pids[actuator.actuator] for joint in relation.real for actuator in commanded[joint.name][1]]
+            derived = side.drives(relation, real, pids)
+            self.couplings.add(Coupling(relation, real, derived, self._host.data))
+            self.drives |= {drive.joint.name: drive for drive in derived if drive.outputs}
+        self.banks += side.banks
+        self.gains |= side.gains
 
     def _warn_limited(self, message: str) -> None:
         self._host.logger.warning("%s and was limited (reported once)", message)
@@ -145,12 +177,17 @@ class JointDrives:
         return next((name for name in (actuator.name, joint.name) if name in by_name), None)
 
     def _check_gains(self, commanded: Mapping[str, tuple[ScalarJoint, list[Actuator]]]) -> None:
-        known = {name for joint, own in commanded.items() for name in (joint, *(a.name for a in own[1])) if name}
+        derived = {name for relation in self._relations for name in relation.derived}
+        known = derived | {
+            name for joint, own in commanded.items() for name in (joint, *(a.name for a in own[1])) if name
+        }
         for interface in ("position", "velocity"):
             for name in getattr(self._pid_gains, interface):
                 if name not in known:
                     raise UnknownName(f"joint or actuator with {interface} gains", name, known)
-                if not any(interface in _PID_INTERFACES[a.law.drives] for a in _named(name, commanded)):
+                if name not in derived and not any(
+                    interface in _PID_INTERFACES[a.law.drives] for a in _named(name, commanded)
+                ):
                     self._host.logger.warning(
                         "the %s gains of %s are not used: its actuator follows such commands by itself, or cannot",
                         interface,

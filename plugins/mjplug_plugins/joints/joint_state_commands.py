@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from mjplug.plugin import RequestError
 from mjplug.plugin.bundled import quoted
-from mjplug_plugins.joints.outputs import MAX_VALUE, Drive
-from mjplug_plugins.joints.parameters import Interface
+from mjplug_plugins.joints.outputs import MAX_VALUE, Drive, refuse_both_sides
+from mjplug_plugins.joints.transmission import Interface
 from mjplug_schemas.sensor_msgs import JointState
 
 ORDER: tuple[Interface, ...] = ("effort", "velocity", "position")
@@ -84,6 +84,7 @@ class JointStateCommands:
                 slots[interface] = [
                     (index, drive) for index, name in indices if (drive := self._accepting_drive(name, interface))
                 ]
+        refuse_both_sides(drive for own in slots.values() for _, drive in own)
         return _Layout(names, lengths, slots)
 
     def _indices(self, interface: Interface, names: Sequence[str], length: int) -> list[tuple[int, str]]:

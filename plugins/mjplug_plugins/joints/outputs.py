@@ -1,18 +1,33 @@
 """Converts a command for one joint to the controls of its actuators."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 import mujoco
 
-from mjplug_plugins.joints.parameters import Interface
+from mjplug.plugin import RequestError
+from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.pid import PidBank
-from mjplug_plugins.joints.scalar_joint import ScalarJoint
+from mjplug_plugins.joints.transmission import Interface
 
 MAX_VALUE = 0.99 * mujoco.mjMAXVAL
 """Largest control; MuJoCo treats a larger one as a divergence and discards the controls of all actuators."""
 
 Warn = Callable[[str], None]
+
+
+class Coordinate(Protocol):
+    """A joint, or what a transmission derives from joints."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    def position(self, data: mujoco.MjData) -> float:
+        """Returns its position [rad or m]."""
+
+    def velocity(self, data: mujoco.MjData) -> float:
+        """Returns its velocity [rad/s or m/s]."""
 
 
 class Output(Protocol):
@@ -55,6 +70,10 @@ class DirectOutput:
         """Writes the control for a value and stops the PIDs of the actuator."""
         for other in self._pids:
             other.stop()
+        return self.write(value)
+
+    def write(self, value: float) -> bool:
+        """Writes the control for a value; returns whether it was limited."""
         unlimited = self._ratio * value + self._offset
         control = min(max(unlimited, self._low), self._high)
         self._ctrl[self._actuator] = control
@@ -108,6 +127,8 @@ class Drive:
         joint: The joint.
         outputs: The outputs for each command interface; the joint does not accept the other interfaces.
         followers: Drives that mimic this joint, with multiplier and offset [rad or m].
+        others: Drives of the other side of its transmission, which a command for this one replaces.
+        on_command: Called with this drive and the interface before a command; None without a transmission.
         desired: The position of the last command [rad or m]; None if the last command was of another kind.
 
     Args:
@@ -116,9 +137,11 @@ class Drive:
         warn: Called with a message when a command is limited for the first time.
     """
 
-    def __init__(self, joint: ScalarJoint, outputs: dict[Interface, list[Output]], warn: Warn) -> None:
+    def __init__(self, joint: Coordinate, outputs: dict[Interface, list[Output]], warn: Warn) -> None:
         self.joint = joint
         self.outputs = outputs
+        self.others: Sequence[Drive] = ()
+        self.on_command: Callable[[Drive, Interface], None] | None = None
         self.followers: list[tuple[Drive, float, float]] = []
         self.desired: float | None = None
         self._warn = warn
@@ -131,6 +154,8 @@ class Drive:
             interface: Kind of command; the joint must accept it.
             value: Finite value [rad, m, rad/s, m/s, N·m or N].
         """
+        if self.on_command is not None:
+            self.on_command(self, interface)
         limited = False
         for output in self.outputs.get(interface, ()):
             limited |= output.command(value)
@@ -159,3 +184,19 @@ class Drive:
     def has_position_pid(self) -> bool:
         """Whether a PID follows position commands."""
         return any(isinstance(output, PidOutput) for output in self.outputs.get("position", ()))
+
+
+def refuse_both_sides(drives: Iterable[Drive]) -> None:
+    """Checks that commands in one message are for one side of each transmission.
+
+    Raises:
+        RequestError: They are for both sides.
+    """
+    chosen = set(drives)
+    for drive in chosen:
+        for other in drive.others:
+            if other in chosen:
+                raise RequestError(
+                    f"{quoted(drive.joint.name)} and {quoted(other.joint.name)} are two sides of one transmission; "
+                    "command either its joints or its actuators"
+                )

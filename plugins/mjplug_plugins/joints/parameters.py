@@ -7,8 +7,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from mjplug.plugin import OneOrMore, Parameters
 from mjplug_plugins.joints.scalar_joint import require_unique
-
-Interface = Literal["position", "velocity", "effort"]
+from mjplug_plugins.joints.transmission import Interface, TransmissionParameters
 
 Limit = Annotated[float, Field(allow_inf_nan=True)]
 
@@ -122,6 +121,9 @@ class JointCommandsParameters(Parameters):
     )
     mimic: dict[str, Mimic] = Field(
         default={}, description="Joints that follow another joint: `joint`, `multiplier` and `offset` of each, by name."
+    )
+    transmissions: dict[str, TransmissionParameters] = Field(
+        default={}, description="Transmissions of ros2_control, by name."
     )
     clamp: bool = Field(default=True, description="Whether controls are limited to the ranges of the actuators.")
     command_timeout: float = Field(

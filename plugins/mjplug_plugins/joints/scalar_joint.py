@@ -1,11 +1,14 @@
 """Hinges and slides: the joints that a JointState message can contain."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import mujoco
 
 from mjplug.plugin import PluginError, UnknownName
+
+J = TypeVar("J")
 
 _SCALAR = {int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)}
 
@@ -26,6 +29,14 @@ class ScalarJoint:
     qpos: int
     dof: int
 
+    def position(self, data: mujoco.MjData) -> float:
+        """Returns its position [rad or m]."""
+        return float(data.qpos[self.qpos])
+
+    def velocity(self, data: mujoco.MjData) -> float:
+        """Returns its velocity [rad/s or m/s]."""
+        return float(data.qvel[self.dof])
+
 
 def scalar_joints(model: mujoco.MjModel) -> dict[str, ScalarJoint]:
     """Returns the hinges and slides with a name, by name, in the order of the model."""
@@ -37,7 +48,7 @@ def scalar_joints(model: mujoco.MjModel) -> dict[str, ScalarJoint]:
     return joints
 
 
-def chosen(joints: dict[str, ScalarJoint], names: Iterable[str], model: mujoco.MjModel) -> list[ScalarJoint]:
+def chosen(joints: Mapping[str, J], names: Iterable[str], model: mujoco.MjModel) -> list[J]:
     """Returns the joints with the given names, in the order of the names.
 
     Args:
@@ -53,6 +64,8 @@ def chosen(joints: dict[str, ScalarJoint], names: Iterable[str], model: mujoco.M
     for name in names:
         if name not in joints:
             if name and "\0" not in name and mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0:
+                if int(model.joint(name).type[0]) in _SCALAR:
+                    raise PluginError(f"joint {name!r} is on the other side of its transmission; set `side`")
                 raise PluginError(f"joint {name!r} is neither a hinge nor a slide; only these joints are supported")
             raise UnknownName("joint", name, joints)
         selected.append(joints[name])

@@ -1,21 +1,17 @@
 """Publishes positions, velocities and efforts of joints."""
 
-from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
 from mjplug.plugin import CdrFrame, Host, OneOrMore, Parameters, Plugin
+from mjplug_plugins.joints.derived_states import Coordinate, coordinates_of, copying
 from mjplug_plugins.joints.scalar_joint import ScalarJoint, chosen, require_unique, scalar_joints
+from mjplug_plugins.joints.transmission import Interface, Side, TransmissionParameters, relations_of
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Header
-
-Interface = Literal["position", "velocity", "effort"]
 
 _JOINT_TRANSMISSIONS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
 
@@ -35,6 +31,13 @@ class JointStatePublisherParameters(Parameters):
     interfaces: Annotated[tuple[Interface, ...], OneOrMore] = Field(
         default=("position", "velocity", "effort"),
         description="Contents of the messages: any of `position`, `velocity` and `effort`.",
+    )
+    transmissions: dict[str, TransmissionParameters] = Field(
+        default={}, description="Transmissions of ros2_control, by name."
+    )
+    side: Side = Field(
+        default="joints",
+        description="Which side of the transmissions the messages contain: `joints` or `actuators`.",
     )
     frame_id: str = Field(default="", description="Frame in the header; joint states need none.")
 
@@ -60,13 +63,9 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
                 **dict.fromkeys(parameters.interfaces, zeros),
             )
         )
-        sources = {
-            "position": (host.data.qpos, [joint.qpos for joint in joints]),
-            "velocity": (host.data.qvel, [joint.dof for joint in joints]),
-            "effort": (host.data.qfrc_actuator, [joint.dof for joint in joints]),
-        }
+        sources = {"position": host.data.qpos, "velocity": host.data.qvel, "effort": host.data.qfrc_actuator}
         self._copies = [
-            _copy(*sources[interface], self._message.view(interface))
+            copying(joints, interface, sources[interface], self._message.view(interface))
             for interface in dict.fromkeys(parameters.interfaces)
             if joints
         ]
@@ -83,18 +82,17 @@ class JointStatePublisher(Plugin[JointStatePublisherParameters]):
         return self._message
 
 
-def _copy(source: NDArray[np.float64], indices: list[int], target: NDArray[Any]) -> Callable[[], object]:
-    """Returns a function that copies elements of an array; contiguous elements, which are common, in one block."""
-    if all(b == a + 1 for a, b in pairwise(indices)):
-        from_, to = source.data.cast("B").cast("d")[indices[0] : indices[-1] + 1], target.data.cast("B").cast("d")
-        return partial(to.__setitem__, slice(None), from_)
-    return partial(source.take, np.array(indices, np.intp), out=target, mode="clip")
-
-
-def _joints(host: Host, parameters: JointStatePublisherParameters) -> list[ScalarJoint]:
+def _joints(host: Host, parameters: JointStatePublisherParameters) -> list[Coordinate]:
     joints = scalar_joints(host.model)
-    if parameters.joints:
-        return chosen(joints, parameters.joints, host.model)
+    relations = relations_of(parameters.transmissions, joints)
+    if not parameters.joints:
+        return list(coordinates_of(_ordered(host, parameters, joints), relations, parameters.side).values())
+    return chosen(coordinates_of(list(joints.values()), relations, parameters.side), parameters.joints, host.model)
+
+
+def _ordered(
+    host: Host, parameters: JointStatePublisherParameters, joints: dict[str, ScalarJoint]
+) -> list[ScalarJoint]:
     if not joints:
         host.logger.warning("the model has no hinge or slide with a name: the messages are empty")
     if parameters.order == "actuators":

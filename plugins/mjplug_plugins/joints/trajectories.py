@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mjplug.plugin import Host, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
-from mjplug_plugins.joints.outputs import Drive
+from mjplug_plugins.joints.outputs import Drive, refuse_both_sides
 from mjplug_plugins.joints.saved_motion import motion_arrays, motion_of
 from mjplug_plugins.joints.trajectory import Motion, validate
 from mjplug_schemas.trajectory_msgs import JointTrajectory
@@ -58,12 +58,12 @@ class Trajectories:
         if not trajectory.points:
             for drive in drives:
                 self.drop(drive)
-                drive.command("position", float(self._host.data.qpos[drive.joint.qpos]))
+                drive.command("position", drive.joint.position(self._host.data))
             return
         now = self._host.time_ns
         validate(trajectory, now)
-        position = np.array([self._host.data.qpos[drive.joint.qpos] for drive in drives])
-        velocity = np.array([self._host.data.qvel[drive.joint.dof] for drive in drives])
+        position = np.array([drive.joint.position(self._host.data) for drive in drives])
+        velocity = np.array([drive.joint.velocity(self._host.data) for drive in drives])
         if self._from_desired:
             self._use_desired(drives, position, velocity)
         motion = Motion(trajectory, now, position, velocity)
@@ -73,10 +73,11 @@ class Trajectories:
         self.running = True
 
     def drop(self, drive: Drive) -> None:
-        """Removes a joint from its trajectory."""
+        """Removes a joint from its trajectory, and the other side of its transmission."""
         if self.running:
             for track in self._tracks:
-                track.drives.pop(drive, None)
+                for moved in (drive, *drive.others):
+                    track.drives.pop(moved, None)
             self._remove_finished()
 
     def clear(self) -> None:
@@ -149,6 +150,7 @@ class Trajectories:
                     f"set pid_gains.position.{name} to allow it"
                 )
             drives[drive] = None
+        refuse_both_sides(drives)
         return list(drives)
 
     def _use_desired(self, drives: list[Drive], position: Array, velocity: Array) -> None:
