@@ -137,10 +137,7 @@ class DriveRules:
         return Drive(joint.name, kind, effort, armature, damping)
 
     def _compensates(self) -> bool:
-        if self.options.gravcomp == "auto":
-            # At a joint with a motor, the compensation would act without its actuator.
-            return not self.free and all(self.kind_of(joint) != "motor" for joint in self.robot.scalar_joints)
-        return self.options.gravcomp == "on"
+        return not self.free if self.options.gravcomp == "auto" else self.options.gravcomp == "on"
 
     def _effort(self, joint: Joint, kind: ActuatorKind | None, inertia: float, gravity: float) -> float:
         if joint.effort is not None and joint.effort < _MAX_EFFORT:
@@ -198,7 +195,10 @@ def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], report: Report) 
                 drive.joint,
             )
     if compensating:
+        # At a joint with a motor, the compensation would act without its actuator.
+        motors = [robot.joints[drive.joint].child for drive in drives if drive.kind == "motor"]
+        uncompensated = {robot.root, *motors, *(below.child for link in motors for below in robot.walk(link))}
         for name, body in mjcf.bodies.items():
-            if body.tag == "body" and robot.group_root(name) != robot.root:
+            if body.tag == "body" and robot.group_root(name) not in uncompensated:
                 body.set("gravcomp", "1")
         report.add("guess", "gravity compensation by the servos (--gravcomp)", "on")

@@ -16,7 +16,7 @@ from mjplug.convert.extras import required
 from mjplug.errors import ModelError, did_you_mean
 from mjplug.model.packages import Packages
 
-_XACRO_NAMESPACE = b"www.ros.org/wiki/xacro"
+_XACRO_PREFIX, _XACRO_TAG = b"xmlns:xacro", b"<xacro:"
 _FIND = "ament_index_python.packages"
 
 _lock = threading.Lock()
@@ -41,8 +41,8 @@ class Source:
 def read_source(path: Path, arguments: Mapping[str, str], packages: Packages) -> Source:
     """Reads a URDF, or expands a xacro file.
 
-    xacro evaluates the Python expressions of a file. It runs only if the name ends with `.xacro` or if the file
-    declares xacro's namespace.
+    xacro evaluates the Python expressions of a file. It runs only if the name ends with `.xacro`, or if the file
+    declares the namespace `xacro` and contains an element of it.
 
     Args:
         path: The file.
@@ -56,7 +56,7 @@ def read_source(path: Path, arguments: Mapping[str, str], packages: Packages) ->
         text = path.read_bytes()
     except OSError as error:
         raise ModelError(f"{path} cannot be read: {error.strerror}") from error
-    uses_xacro = path.suffix.lower() == ".xacro" or (_XACRO_NAMESPACE in text and b"<xacro:" in text)
+    uses_xacro = path.suffix.lower() == ".xacro" or (_XACRO_PREFIX in text and _XACRO_TAG in text)
     if uses_xacro:
         source = _expanded(path, text, arguments, packages)
     else:

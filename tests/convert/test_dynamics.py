@@ -222,6 +222,18 @@ def test_transmissions_decide_the_actuators(tmp_path):
     assert kinds(conversion) == {"shoulder": "position", "elbow": None}
 
 
+def test_links_behind_a_motor_are_not_compensated_and_the_others_are(tmp_path):
+    hand = link("hand", 0.2) + joint("grip", "tool0", "hand", axis="0 0 1")
+    text = ARM.replace("</robot>", f"{hand}{transmission('grip', 'EffortJointInterface')}</robot>")
+    conversion, model = converted(tmp_path, text)
+    assert kinds(conversion) == {"shoulder": "position", "elbow": "position", "grip": "motor"}
+    assert {name: model.body_gravcomp[model.body(name).id] for name in ("base", "upper", "lower", "tool0", "hand")} == {
+        "base": 0.0, "upper": 1.0, "lower": 1.0, "tool0": 1.0, "hand": 0.0,
+    }  # fmt: skip
+    _, model = converted(tmp_path, text, actuators="motor")
+    assert not model.body_gravcomp.any()
+
+
 def test_transmissions_of_few_joints_do_not_make_the_others_passive(tmp_path):
     more = link("hand") + link("finger") + joint("wrist", "tool0", "hand") + joint("grip", "hand", "finger")
     text = ARM.replace("</robot>", f"{more}{transmission('grip', 'EffortJointInterface')}</robot>")

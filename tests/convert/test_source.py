@@ -87,6 +87,8 @@ def test_a_package_can_be_given(tmp_path):
 def test_a_urdf_that_uses_xacro_is_expanded_and_others_evaluate_nothing(tmp_path):
     file = write(tmp_path / "robot.urdf", XACRO.format(name="r", body=CALL))
     assert read_source(file, {"label": "x"}, Packages({})).root.find("link").get("name") == "x"
+    write(file, file.read_text().replace("www.ros.org", "ros.org"))
+    assert read_source(file, {"label": "y"}, Packages({})).root.find("link").get("name") == "y"
     harmless = ARM.replace('name="arm"', 'name="${1/0}"', 1)
     file = write(tmp_path / "plain.urdf", harmless)
     assert read_source(file, {}, Packages({})).root.get("name") == "${1/0}"
