@@ -55,6 +55,9 @@ def convert(
     ] = None,
     fuse: Annotated[bool, typer.Option("--fuse", help="Merge links behind fixed joints.")] = False,
     sites: Annotated[bool, typer.Option("--sites", help="Add a site for each link.")] = False,
+    up_axis: Annotated[
+        Literal["ignore", "apply"], typer.Option(help="Whether COLLADA meshes with Y_UP are turned; RViz ignores it.")
+    ] = "ignore",
     max_faces: Annotated[
         int, typer.Option(min=0, help="Simplify visual meshes with more triangles; 0: never.")
     ] = 20_000,
@@ -97,6 +100,7 @@ def convert(
             mujoco_inputs=tuple(map(str, mujoco_inputs or ())),
             fuse=fuse,
             sites=sites,
+            up_axis=up_axis,
             max_faces=max_faces,
             strict=strict,
         )

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mjplug.convert.collada import meters, read_collada
 from mjplug.convert.extras import optional, required
 from mjplug.convert.rotations import Array
 from mjplug.errors import ModelError
@@ -41,6 +42,11 @@ class Mesh:
         """Returns the mesh with its axes scaled. A mirroring scale reverses the corners of each face."""
         mirrored = np.prod(scale) < 0.0
         return replace(self, vertices=self.vertices * scale, faces=self.faces[:, ::-1] if mirrored else self.faces)
+
+    def z_up(self) -> "Mesh":
+        """Returns the mesh of a file whose y axis is up, turned so that its z axis is up."""
+        x, y, z = self.vertices.T
+        return replace(self, vertices=np.stack([x, -z, y], axis=1))
 
     def merged(self) -> "Mesh":
         """Returns the mesh with one corner where several have the same place, without the faces that become lines."""
@@ -88,14 +94,6 @@ def read_mesh(path: Path) -> list[Mesh]:
     if any(not np.isfinite(part.vertices).all() for part in parts):
         raise ModelError(f"{path.name} contains coordinates that are infinite or not a number")
     return parts
-
-
-def turned_by_others(path: Path) -> bool:
-    """Returns whether programs that follow `up_axis` would turn the mesh of a COLLADA file."""
-    if path.suffix.lower() != ".dae":
-        return False
-    with path.open("rb") as file:
-        return b"Y_UP" in file.read(4096)
 
 
 def write_stl(mesh: Mesh) -> bytes:
@@ -173,14 +171,14 @@ def _read_scene(path: Path) -> list[Mesh]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            scene = trimesh.load_scene(path, process=False)
+            scene = read_collada(path) if path.suffix.lower() == ".dae" else trimesh.load_scene(path, process=False)
         except OSError:
             raise
         except Exception as error:  # the readers raise whatever they meet in a damaged file
             raise ModelError(
                 f"{path.name} cannot be read: {' '.join(str(error).split()) or type(error).__name__}"
             ) from error
-    unit = _meters(scene.units) if path.suffix.lower() == ".dae" else 1.0
+    unit = meters(scene.units) if path.suffix.lower() == ".dae" else 1.0
     parts: list[Mesh] = []
     for node in sorted(scene.graph.nodes_geometry):
         transform, name = scene.graph[node]
@@ -193,15 +191,6 @@ def _read_scene(path: Path) -> list[Mesh]:
             faces = faces[:, ::-1]
         parts.append(_with_material(Mesh(vertices, faces), geometry.visual))
     return _joined(parts)
-
-
-def _meters(units: str | None) -> float:
-    """Returns the length of a unit that trimesh describes as `0.001 * meters` [m]."""
-    number = (units or "").partition("*")[0]
-    try:
-        return float(number)
-    except ValueError:
-        return 1.0
 
 
 def _with_material(mesh: Mesh, visual: Any) -> Mesh:

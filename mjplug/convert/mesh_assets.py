@@ -9,9 +9,10 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
+from mjplug.convert.collada import is_y_up
 from mjplug.convert.decompose import CONCAVE, THRESHOLD, Decomposer, concavity
 from mjplug.convert.materials import Materials, free_name
-from mjplug.convert.mesh import Mesh, joined, read_mesh, turned_by_others, write_obj, write_stl
+from mjplug.convert.mesh import Mesh, joined, read_mesh, write_obj, write_stl
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.options import ConversionOptions
 from mjplug.convert.report import Report
@@ -101,8 +102,9 @@ class MeshAssets:
         if kind == "collision":
             self.collision_stems.add(path.stem)
         key = (path, geometry.scale, kind, threshold)
+        # The report lists each link of a broken mesh.
+        parts = self._parts(path, kind, link)
         if key not in self._assets:
-            parts = self._parts(path, kind, link)
             self._assets[key] = self._add(parts, path.stem, geometry.scale, kind, threshold)
         return self._assets[key]
 
@@ -132,18 +134,28 @@ class MeshAssets:
     def _parts(self, path: Path, kind: Kind, link: str) -> list[Mesh]:
         if path not in self._read:
             try:
-                self._read[path] = read_mesh(path)
+                self._read[path] = self._turned(path, read_mesh(path))
             except ModelError as error:
                 if "pip install" in str(error):
                     raise
                 self._read[path] = error
-            if turned_by_others(path):
-                self._report.add("guess", "up_axis of a COLLADA file is ignored, as RViz does", path.name, "Y_UP")
         found = self._read[path]
         if isinstance(found, ModelError):
             self._missing(kind, link, str(found))
             return []
         return found
+
+    def _turned(self, path: Path, parts: list[Mesh]) -> list[Mesh]:
+        if not is_y_up(path):
+            return parts
+        if self._options.up_axis == "apply":
+            return [part.z_up() for part in parts]
+        self._report.add(
+            "warning",
+            "Y_UP of COLLADA files is ignored, as in RViz; if parts look turned, try --up-axis apply",
+            path.name,
+        )
+        return parts
 
     def _threshold(self, link: str, stem: str) -> float | None:
         if stem in self._by_mesh:

@@ -75,5 +75,8 @@ class ConversionOptions(BaseModel):
     )
     fuse: bool = Field(False, description="Whether links behind fixed joints are merged into their parents.")
     sites: bool = Field(False, description="Whether each link gets a site of its name.")
+    up_axis: Literal["ignore", "apply"] = Field(
+        "ignore", description="Whether COLLADA meshes with `Y_UP` are turned; RViz ignores it."
+    )
     max_faces: int = Field(20_000, ge=0, description="Simplify visual meshes with more triangles; 0: never.")
     strict: bool = Field(False, description="Whether a missing mesh stops the conversion.")

@@ -84,11 +84,47 @@ def test_the_unit_of_a_collada_file_counts(tmp_path, unit, size):
     assert part.rgba == (1.0, 0.0, 0.0, 1.0)
 
 
-def test_the_up_axis_of_a_collada_file_is_ignored_and_reported(tmp_path):
-    (tmp_path / "cube.dae").write_text(collada(1, "Y_UP").replace("0 0 1 0 1 0", "0 0 2 0 1 0", 1))
-    conversion, model = one_mesh(tmp_path, "cube.dae", scale="1 2 3")
-    assert ("up_axis of a COLLADA file is ignored, as RViz does", "cube.dae") in notes(conversion, "guess")
-    assert model.nmesh == 1
+def test_the_up_axis_of_a_collada_file_is_ignored_with_a_warning_or_applied(tmp_path):
+    (tmp_path / "bar.dae").write_text(collada(1, "Y_UP"))
+    conversion, _ = one_mesh(tmp_path, "bar.dae", scale="1 2 3")
+    topic = "Y_UP of COLLADA files is ignored, as in RViz; if parts look turned, try --up-axis apply"
+    assert notes(conversion, "warning") == [(topic, "bar.dae")]
+    (part,) = read_mesh_of(tmp_path, conversion.files["assets/bar.stl"])
+    assert part.vertices.max(axis=0).tolist() == [1.0, 2.0, 3.0]
+    conversion, _ = one_mesh(tmp_path, "bar.dae", scale="1 2 3", up_axis="apply")
+    assert notes(conversion, "warning") == []
+    (part,) = read_mesh_of(tmp_path, conversion.files["assets/bar.stl"])
+    assert part.vertices.min(axis=0).tolist() == [0.0, -2.0, 0.0], "the file's z axis points to -y"
+    assert part.vertices.max(axis=0).tolist() == [1.0, 0.0, 3.0], "and its y axis upwards"
+    (tmp_path / "bar.dae").write_text(collada(1, "Z_UP"))
+    conversion, _ = one_mesh(tmp_path, "bar.dae", scale="1 2 3", up_axis="apply")
+    (part,) = read_mesh_of(tmp_path, conversion.files["assets/bar.stl"])
+    assert part.vertices.max(axis=0).tolist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<material id="m0">', '<material id="other">'),
+        ('<instance_effect url="#e0"/>', '<instance_effect url="#nothing"/>'),
+        (
+            "<color>1 0 0 1</color></diffuse>",
+            '<texture texture="sampler" texcoord="t"/></diffuse>',
+        ),
+    ],
+    ids=["no material", "no effect", "no texture"],
+)
+def test_parts_of_a_collada_file_whose_material_is_incomplete_are_kept(tmp_path, old, new):
+    text = collada(1, colours=((1, 0, 0, 1), (0, 0, 1, 1)))
+    assert old in text
+    text = text.replace(old, new)
+    if "sampler" in new:
+        sampler = '<newparam sid="sampler"><sampler2D><source>nothing</source></sampler2D></newparam>'
+        text = text.replace('<effect id="e0"><profile_COMMON>', f'<effect id="e0"><profile_COMMON>{sampler}')
+    (tmp_path / "cube.dae").write_text(text)
+    parts = read_mesh(tmp_path / "cube.dae")
+    assert sum(len(part.faces) for part in parts) == 12
+    assert [part.rgba for part in parts if len(part.faces) == 6].count((0.0, 0.0, 1.0, 1.0)) == 1
 
 
 def test_each_colour_of_a_collada_file_becomes_a_mesh(tmp_path):
@@ -235,6 +271,11 @@ def test_missing_meshes_are_reported_or_stop_a_strict_conversion(tmp_path):
     conversion, _ = converted(tmp_path, text)
     assert notes(conversion, "error") == [("collision mesh left out, so the link passes through things", "a")]
     assert notes(conversion, "warning") == [("visual mesh left out", "a")]
+    (tmp_path / "empty.obj").write_text("")
+    twice = text.replace("</robot>", link("b", visual=mesh("empty.obj")) + link("c", visual=mesh("empty.obj")))
+    twice += joint("k", "a", "b") + joint("l", "a", "c") + "</robot>"
+    conversion, _ = converted(tmp_path, twice)
+    assert [link for _, link in notes(conversion, "warning")] == ["a", "b", "c"], "each link of a broken mesh"
     with pytest.raises(ModelError, match=r"link 'a': 'package://nobody/no\.dae': there is no package 'nobody'"):
         converted(tmp_path, text, strict=True)
 
