@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 
 import pytest
 import zenoh
@@ -121,6 +122,22 @@ def test_the_parameters_of_the_selector_come_with_the_call(client, network):
         [("flag", ""), ("note", "a b"), ("wait", "false")]
     )
     assert client.call("trigger").json["message"] == "[]"
+
+
+def test_threads_of_zenoh_keep_their_python_data_between_requests(client, network):
+    calls, local = Counter(), threading.local()
+
+    def answer(call):
+        # Without a kept thread state, every callback sees an empty `local`.
+        local.calls = getattr(local, "calls", 0) + 1
+        calls[threading.get_ident()] += 1
+        call.respond(Trigger.Response(success=local.calls == calls[threading.get_ident()]))
+
+    network.open_service(ServiceName("/trigger", Trigger), answer)
+    answers = [client.call("trigger").json["success"] for _ in range(50)]
+    assert all(answers)
+    # Zenoh has few threads, so that they keep little memory.
+    assert len(calls) < 20
 
 
 def test_a_query_for_many_keys_calls_no_service(client, network):
