@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar, overload
+from urllib.parse import quote
 
 import zenoh
 
@@ -191,13 +192,19 @@ class Client(Graph, StateCalls):
         """
         if message is not None and fields:
             raise WrongTypeError(f"the request is given twice: as a message, and as {', '.join(fields)}")
+        return self._send(name, fields if message is None else message, timeout, check)
+
+    def _call_with(self, parameters: Mapping[str, str], name: str, request: Message, timeout: float | None) -> Any:
+        text = ";".join(f"{key}={quote(value)}" for key, value in parameters.items())
+        return self._send(name, request, timeout, True, text)
+
+    def _send(self, name: str, given: Any, timeout: float | None, check: bool, parameters: str = "") -> Any:
         service = self._called.get(name) or self.service(name)
         kind = known(service.type)
-        given = fields if message is None else message
         sent = given if kind is None else as_message(given, kind.Request)
         limit = request.default_timeout(sent, self._speed(service, sent)) if timeout is None else bounded(timeout)
         try:
-            response = request.send(self.session, service, sent, kind, limit)
+            response = request.send(self.session, service, sent, kind, limit, parameters)
             # A lookup takes longer than a call.
             self._called[name] = service
         except TimedOutError as error:

@@ -35,6 +35,7 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
             `{"state_overrides": {"joint_states": {"name": ["hinge"], "position": [0.1]}}}`. All random numbers must be
             drawn from the generator that it gets, so that a seed always gives the same start.
         observe: Arrays of mjData in the observation.
+        outputs: Topics whose newest messages `observation_of` reads, such as those of noisy sensors.
         steps: Number of physics steps for each action.
         action_space: The controls; None reads their limits from the model. Required with a `Client` if the policy
             needs limits, because a client does not have the model.
@@ -57,6 +58,7 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         terminated: Callable[[Array], bool] | None = None,
         start: Callable[[np.random.Generator], Start] | None = None,
         observe: Sequence[str] = DEFAULT_OBSERVE,
+        outputs: Sequence[str] = (),
         steps: int = 1,
         action_space: gymnasium.Space[Array] | None = None,
         render_mode: str | None = None,
@@ -70,12 +72,13 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         self.render_mode = render_mode
         self._camera = camera
         self._reward, self._terminated, self._start = reward, terminated, start
-        self._observe, self._steps, self._first = tuple(observe), steps, 0
+        self._observe, self._outputs, self._steps, self._first = tuple(observe), tuple(outputs), steps, 0
         self._closing = ExitStack()
         try:
             self._driver, self.model = self._connect(server, options)
             self._driver.call("~/set_pause", paused=True)
-            first = self._driver.step(0, observe=list(dict.fromkeys((*self._observe, "ctrl"))))
+            names = list(dict.fromkeys((*self._observe, "ctrl")))
+            first = self._driver.step(0, observe=names, outputs=self._outputs)
         except BaseException:
             self._closing.close()
             raise
@@ -90,7 +93,11 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         return self._driver
 
     def observation_of(self, result: StepResult) -> Array:
-        """Returns the observation: the arrays of `observe`, one after the other."""
+        """Returns the observation: the arrays of `observe`, one after the other.
+
+        Args:
+            result: The arrays of `observe`; `result.message(topic)` returns the message of a topic in `outputs`.
+        """
         return np.concatenate([result[name].reshape(-1) for name in self._observe])
 
     def controls_of(self, action: Array) -> Array:
@@ -110,10 +117,11 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         return self._start(random) if self._start is not None else {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Resets the world and returns the first observation. Simulated time continues.
+        """Resets the world and returns the first observation. Simulated time begins at 0, or at that of a saved state.
 
         Args:
-            seed: Seed of the random numbers of `start`.
+            seed: Seed of the random numbers of `start`, and of noise. An episode depends on it and on its actions
+                only, bit by bit, not on earlier episodes.
             options: `keyframe` replaces the keyframe of `start`. With `state`, the saved state of this name is
                 restored instead of a reset, and `start` is not called.
 
@@ -126,11 +134,13 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
             raise MjplugError(f"unknown options: {', '.join(sorted(unknown))}; known: keyframe, state")
         if len(options) > 1:
             raise MjplugError("give either keyframe or state, not both")
+        # The number, and not the seed, goes to the server, so that each episode of a seed has noise of its own.
+        episode = int(self.np_random.integers(2**62))
         if "state" in options:
-            self._driver.restore(options["state"])
+            self._driver.restore(options["state"], episode=episode)
         else:
-            self._driver.call("~/reset_world", {**self.draw_start(self.np_random), **options})
-        result = self._driver.step(0, observe=self._observe)
+            self._driver.reset(**{**self.draw_start(self.np_random), **options}, episode=episode)
+        result = self._driver.step(0, observe=self._observe, outputs=self._outputs)
         self._first = result.step
         return self.observation_of(result), self._info(result)
 
@@ -144,7 +154,9 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
         Raises:
             RequestRefused: The simulation has diverged, or another client controls the server.
         """
-        result = self._driver.step(self._steps, ctrl=self.controls_of(action), observe=self._observe)
+        result = self._driver.step(
+            self._steps, ctrl=self.controls_of(action), observe=self._observe, outputs=self._outputs
+        )
         observation = self.observation_of(result)
         reward, terminated = self.reward_of(observation, action), self.is_terminated(observation)
         return observation, reward, terminated, False, self._info(result)

@@ -18,7 +18,7 @@ from mjplug.physics.divergence import Divergence
 from mjplug.physics.inbox import Inbox
 from mjplug.physics.pacing import Pacer, Speed
 from mjplug.physics.part import Part
-from mjplug.physics.recovery import OnDivergence, Recovery
+from mjplug.physics.recovery import MIN_STEPS_BETWEEN_RESETS, OnDivergence, Recovery
 from mjplug.physics.reset import Reset
 from mjplug.physics.scheduler import Request, Scheduler, Slow
 from mjplug.physics.simulation import Simulation
@@ -159,11 +159,15 @@ class Loop:
     def reset(self, reset: Reset) -> None:
         """Resets the world, refuses every waiting request, and calls `on_reset` of every stepper.
 
-        The step number and simulated time continue. Timers start a new period.
+        The step number and simulated time continue, except with `Reset.episode`. Timers start a new period.
         """
         reset.apply(self.simulation)
+        if reset.episode is not None:
+            self.recovery.restore(self.simulation.step, MIN_STEPS_BETWEEN_RESETS)
         self.goals.cancel("cancelled: the world was reset")
         self.scheduler.cancel("cancelled: the world was reset")
+        for part in self.parts:
+            part.reset(self.simulation.lineage)
         self.steppers.on_reset()
         self.scheduler.rephase(self.simulation.step)
         self._anchor_pacer()

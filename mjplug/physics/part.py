@@ -50,6 +50,9 @@ class Part(Protocol):
     def timers(self) -> Mapping[int, Timer]:
         """See the class."""
 
+    def reset(self, lineage: int) -> None:
+        """Starts the random numbers of the part anew; they then depend on `lineage` only."""
+
     def save(self) -> SavedPart:
         """Returns a copy of the state, without timers and holds."""
 

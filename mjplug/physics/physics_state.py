@@ -137,8 +137,17 @@ def put_back(
     for name, array in results.items():
         array[...] = state.results[name]
     if time is not None:
-        _shift(model, data, time - data.time)
+        shift(model, data, time - data.time)
         data.time = time
+
+
+def shift(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
+    """Shifts the times of the samples in the buffers of delayed actuators and sensors [s]."""
+    for kind, count, begin in _buffers(model):
+        data.history[begin + 2 : begin + 2 + count] += seconds
+        if kind == "sensor":
+            # The time of the last sample.
+            data.history[begin] += seconds
 
 
 def _set(model: mujoco.MjModel, data: mujoco.MjData, state: PhysicsState) -> None:
@@ -159,15 +168,6 @@ def _check_history(model: mujoco.MjModel, vector: Array) -> None:
     history = vector[mujoco.mj_stateSize(model, _BEFORE_HISTORY) :]
     for kind, count, begin in _buffers(model):
         _require(float(history[begin + 1]) in range(count), f"the buffer of a delayed {kind} is invalid")
-
-
-def _shift(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:
-    """Shifts the times of the samples in the buffers of delayed actuators and sensors [s]."""
-    for kind, count, begin in _buffers(model):
-        data.history[begin + 2 : begin + 2 + count] += seconds
-        if kind == "sensor":
-            # The time of the last sample.
-            data.history[begin] += seconds
 
 
 def _buffers(model: mujoco.MjModel) -> Iterator[tuple[str, int, int]]:

@@ -31,14 +31,19 @@ class Reset:
         joints: Joint overrides.
         free_joints: Targets of free bodies, applied after the joint overrides. Their frames are the body poses after
             the joint overrides.
+        episode: The new `Simulation.lineage`. Step number and simulated time begin at 0 then, so that everything
+            depends on this number and not on the past. None lets simulated time continue.
     """
 
     keyframe: int | None = None
     joints: list[JointOverride] = field(default_factory=list)
     free_joints: list[FreeJointTarget] = field(default_factory=list)
+    episode: int | None = None
 
     def apply(self, simulation: Simulation) -> None:
-        """Sets the state and updates all derived quantities; simulated time does not change."""
+        """Sets the state and updates all derived quantities."""
+        if self.episode is not None:
+            simulation.step = 0
         simulation.restore(self.keyframe)
         model, data = simulation.model, simulation.data
         for override in self.joints:
@@ -50,4 +55,4 @@ class Reset:
             free_joint.apply(simulation, self.free_joints)
         simulation.forward()
         simulation.epoch += 1
-        simulation.lineage += 1
+        simulation.lineage = simulation.lineage + 1 if self.episode is None else self.episode

@@ -37,8 +37,8 @@ class Simulation:
         data: The current state.
         step: Steps taken since the start. A reset does not change it; restoring a state may set it to an earlier one.
         epoch: Resets and restored states since the start; it only grows.
-        lineage: Resets in the past of the present state. Noise depends on it, so that it is the same again after a
-            state was restored.
+        lineage: Resets in the past of the present state, or the number that a client has given it with a reset. Noise
+            depends on it, so that it is the same again after a state was restored.
         time: Conversion between step numbers and simulated time.
         free_joints: Joint id of the free joint by body id, in joint order.
         free_bodies: Names of the bodies with a free joint.
@@ -219,6 +219,8 @@ class Simulation:
         else:
             mujoco.mj_resetDataKeyframe(model, data, keyframe)
         data.time = self._summed_time = self.time.seconds(self.step)
+        # The initial state, and what precedes a keyframe, end at time 0.
+        physics_state.shift(model, data, data.time)
         self._kinematics_current = False
 
     def save(self) -> PhysicsState:

@@ -85,8 +85,9 @@ class Host(NodeView):
             frame_prefix,
             topics or Topics(),
         )
-        self.random = np.random.default_rng([seed, *name.encode()])
-        self._part = InstancePart(self._guard, lambda: self.random)
+        entropy = [seed, *name.encode()]
+        self.random = np.random.default_rng(entropy)
+        self._part = InstancePart(self._guard, lambda: self.random, entropy)
         loop.parts.append(self._part)
         self._changeable = changeable or ChangeableParameters()
         self._workers = workers

@@ -51,13 +51,15 @@ class InstancePart:
     Args:
         guard: The guard of the instance.
         generator: Returns the random number generator of the instance.
+        entropy: What the random numbers depend on, with the number of resets.
     """
 
-    def __init__(self, guard: Guard, generator: Callable[[], np.random.Generator]) -> None:
+    def __init__(self, guard: Guard, generator: Callable[[], np.random.Generator], entropy: Sequence[int]) -> None:
         self.name = SERVER
         self.groups: dict[str, ParameterGroup[Any]] = {}
         self._guard = guard
         self._generator = generator
+        self._entropy = entropy
         self._plugin: Saving | None = None
 
     def attach(self, name: str, plugin: object) -> None:
@@ -79,6 +81,11 @@ class InstancePart:
     def holds(self) -> Sequence[VelocityHold]:
         """The velocity holds in the order of creation."""
         return self._guard.holds
+
+    def reset(self, lineage: int) -> None:
+        """Starts `host.random` anew; its numbers then depend on seed, instance and `lineage` only."""
+        bits = self._generator().bit_generator
+        bits.state = type(bits)(np.random.SeedSequence(self._entropy, spawn_key=(lineage,))).state
 
     def save(self) -> SavedPart:
         """Returns a copy of the state."""

@@ -43,7 +43,7 @@ class WorldView:
 
     @property
     def lineage(self) -> int:
-        """Number of resets in the past of the present state, for the seeds of noise.
+        """Number of resets in the past of the present state, for the seeds of noise; a client may give another number.
 
         Unlike `epoch`, it is restored with a saved state. Noise that depends on it and on the time is then the same.
         """

@@ -1,6 +1,7 @@
 """Steps a server inside its own process, without a network. The handlers are those of requests over Zenoh."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
@@ -63,8 +64,11 @@ class LocalClient(Driver, StateCalls):
         """
         if message is not None and fields:
             raise WrongTypeError(f"the request is given twice: as a message, and as {', '.join(fields)}")
+        return self._call_with({}, name, fields if message is None else message, timeout)
+
+    def _call_with(self, parameters: Mapping[str, str], name: str, request: Any, timeout: float | None) -> Any:
         service = self._find(name)
-        return self._ask(service, as_message(fields if message is None else message, service.type.Request), timeout)
+        return self._ask(service, as_message(request, service.type.Request), timeout, parameters)
 
     def release(self) -> None:
         """Lets clients on the network step the server; the next `step` owns it again."""
@@ -97,23 +101,32 @@ class LocalClient(Driver, StateCalls):
     def _resolve(self, name: str) -> str:
         return f"{self._name}/{name.removeprefix('~/')}" if name.startswith("~/") else f"/{name.removeprefix('/')}"
 
-    def _ask(self, service: ServiceName, request: Message, timeout: float | None) -> Any:
-        call = self._served(service, request) if self._serve else self._awaited(service, request, timeout)
+    def _ask(
+        self,
+        service: ServiceName,
+        request: Message,
+        timeout: float | None,
+        parameters: Mapping[str, str] = MappingProxyType({}),
+    ) -> Any:
+        given = {**self._opened.owner, **parameters} if parameters else self._opened.owner
+        call = self._served(service, request, given) if self._serve else self._awaited(service, request, given, timeout)
         if call.refusal is not None:
             raise RequestRefused(service.name, call.refusal)
         if getattr(call.response, "success", True) is False:
             raise RequestRefused(service.name, getattr(call.response, "message", ""), call.response)
         return call.response
 
-    def _served(self, service: ServiceName, request: Message) -> LocalCall:
+    def _served(self, service: ServiceName, request: Message, parameters: Mapping[str, str]) -> LocalCall:
         assert self._serve is not None
-        call = LocalCall(request, self._opened.owner)
+        call = LocalCall(request, parameters)
         self._opened.calls.send(service, call)
         self._serve(call)
         return call
 
-    def _awaited(self, service: ServiceName, request: Message, timeout: float | None) -> LocalCall:
-        call = AwaitedCall(request, self._opened.owner)
+    def _awaited(
+        self, service: ServiceName, request: Message, parameters: Mapping[str, str], timeout: float | None
+    ) -> LocalCall:
+        call = AwaitedCall(request, parameters)
         self._opened.calls.send(service, call)
         left = float("inf") if timeout is None else timeout
         while not call.ended.wait(min(left, _CHECK_INTERVAL)):

@@ -1,8 +1,11 @@
 """`~/reset_world`: resets the world to the initial state or a keyframe, with overrides."""
 
+from dataclasses import replace
+
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.plugin import Call, Host
+from mjplug.services.episode import episode_in
 from mjplug.services.reset_request import validate
 from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 
@@ -10,12 +13,14 @@ from mjplug_schemas.mujoco_ros2_control_msgs import ResetWorld
 def offer(host: Host, loop: Loop) -> None:
     """Declares the service.
 
-    An invalid request changes nothing. A reset changes neither simulated time nor whether the simulation is paused.
+    An invalid request changes nothing. A reset does not change whether the simulation is paused. Simulated time
+    continues, except with the selector's parameter `episode`.
     """
 
     def reset_world(request: ResetWorld.Request, call: Call) -> ResetWorld.Response:
         try:
-            plan = validate(loop.simulation, request.keyframe, request.state_overrides)
+            episode = episode_in(call.parameters)
+            plan = replace(validate(loop.simulation, request.keyframe, request.state_overrides), episode=episode)
         except RequestError as error:
             raise RequestError(f"{error}; the world was not reset") from None
         loop.reset(plan)

@@ -73,6 +73,52 @@ def test_a_seed_gives_the_same_episode_to_the_bit(env):
     assert not equal(other, first)
 
 
+NOISY = """
+<mujoco>
+  <worldbody>
+    <body><joint name="pivot" axis="0 1 0" damping=".01"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 .5"/>
+      <site name="imu"/></body>
+  </worldbody>
+  <actuator><position joint="pivot" kp="3" kv="1" delay=".011" nsample="9" interp="linear"/></actuator>
+  <sensor><gyro name="imu_gyro" site="imu" noise=".02"/><accelerometer name="imu_accel" site="imu" noise=".1"/></sensor>
+</mujoco>
+"""
+
+
+class Noisy(MjplugEnv):
+    """Observes the IMU as it is published."""
+
+    def observation_of(self, result):
+        message = result.message("/sensors/imu/imu")
+        vectors = (message.angular_velocity, message.linear_acceleration)
+        return np.concatenate([result["qpos"], *([v.x, v.y, v.z] for v in vectors)])
+
+
+@pytest.fixture(params=["own", "client"])
+def noisy(request, mjplug_server, tmp_path):
+    (tmp_path / "noisy.xml").write_text(NOISY)
+    model, options = tmp_path / "noisy.xml", {"plugins": {"sensors": {"type": "sensors", "noise": True}}}
+    given = (model, options) if request.param == "own" else (mjplug_server(model, **options).client(), {})
+    env = Noisy(given[0], start=tilted, observe=("qpos",), outputs=["/sensors/imu/imu"], steps=3, **given[1])
+    yield env
+    env.close()
+
+
+def test_noise_belongs_to_the_seed_of_an_episode(noisy):
+    first = episode(noisy, 7, 40)
+    following = [episode(noisy, None, 40) for _ in range(2)]
+    assert equal(episode(noisy, 7, 40), first)
+    assert equal([episode(noisy, None, 40) for _ in range(2)][1], following[1])
+    assert not equal(following[0], following[1])
+    # Equal starts, other noise: only the messages differ.
+    noisy.driver.save("here", overwrite=True)
+    one, other, again = (
+        [noisy.reset(seed=seed, options={"state": "here"})[0], noisy.step(np.array([0.2]))[0]] for seed in (1, 2, 1)
+    )
+    assert equal(one, again)
+    assert all(a[0] == b[0] and (a[1:] != b[1:]).all() for a, b in zip(one, other, strict=True))
+
+
 def test_an_episode_is_the_same_in_process_and_over_zenoh(mjplug_server):
     own = balancing(CART_POLE)
     far = balancing(mjplug_server(CART_POLE).client())

@@ -80,13 +80,16 @@ class Keeper:
         )
         return SavedState(header, arrays)
 
-    def restore(self, state: SavedState, strict: bool = False, keep_time: bool = False) -> dict[str, str]:
+    def restore(
+        self, state: SavedState, strict: bool = False, keep_time: bool = False, episode: int | None = None
+    ) -> dict[str, str]:
         """Puts a state back; waiting requests are refused, and the epoch grows.
 
         Args:
             state: The state.
             strict: Whether to refuse if the state of a plugin cannot be restored.
             keep_time: Whether step number and simulated time continue.
+            episode: What noise and random numbers depend on, instead of the past of the state; None for the latter.
 
         Returns:
             Why the state of a plugin was not restored, by instance; `on_reset` of these plugins was called.
@@ -110,6 +113,10 @@ class Keeper:
         def put_back() -> None:
             problems.update(self._put_back(state, problems, keep_time, reset=True))
             self._restore_timers(state)
+            if episode is not None:
+                self._loop.simulation.lineage = episode
+                for part in self._loop.parts:
+                    part.reset(episode)
 
         self._loop.restore(put_back)
         return problems
@@ -165,6 +172,8 @@ class Keeper:
         restored = []
         for name, part in self._parts().items():
             if name in skipped or name not in header.parts:
+                if reset:
+                    part.reset(header.lineage)
                 continue
             if reason := part.restore(state.part(name), trial=not reset):
                 problems[name] = reason

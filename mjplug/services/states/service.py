@@ -11,6 +11,7 @@ from mjplug.errors import RequestError, UnknownName
 from mjplug.physics.loop import Loop
 from mjplug.physics.scheduler import Wait
 from mjplug.plugin import Call, Host, Slow
+from mjplug.services.episode import episode_in
 from mjplug.services.states.file_thread import FileThread
 from mjplug.services.states.keeper import Keeper, listing
 from mjplug.services.states.saved_state import SavedState, describe
@@ -123,14 +124,14 @@ class States:
 
     def restore(self, request: RestoreState.Request, call: Call) -> Slow:
         """Handles a request to `~/restore_state`."""
-        name = check_name(request.name)
+        name, episode = check_name(request.name), episode_in(call.parameters)
         if request.file:
             files = self._files()
             state = yield from self._thread.run(lambda: files.read(name))
         else:
             state = self._in_memory(name)
         try:
-            problems = self._keeper.restore(state, request.strict, request.keep_time)
+            problems = self._keeper.restore(state, request.strict, request.keep_time, episode)
         except RequestError as error:
             raise RequestError(f"state {name!r} was not restored: {error}") from None
         message = f"state {name!r} was restored; t = {self._host.time_ns / 1e9:.6f} s (step {self._host.step})"
