@@ -88,7 +88,7 @@ def test_a_wrench_is_waited_for_as_long_as_it_takes_at_the_speed_of_the_server(c
     waited = []
     original = request.send
 
-    def send(session, service, sent, kind, timeout):
+    def send(session, service, sent, kind, timeout, parameters=""):
         waited.append(timeout)
         return original(session, service, sent, kind, timeout)
 
