@@ -5,6 +5,7 @@ or it connects to the router of an existing one.
 """
 
 import logging
+import threading
 import time
 from dataclasses import replace
 
@@ -22,6 +23,12 @@ _log = logging.getLogger(__name__)
 
 _RETRY_INTERVAL = 1.0
 """Interval between two attempts to connect to a router [s]."""
+
+CLOSE_TIMEOUT = 1.0
+"""How long to wait until the session is closed [s].
+
+Zenoh waits 2.5 s for each client that does not read, for about two at a time: 5 s for four clients.
+"""
 
 
 class WireSession:
@@ -66,15 +73,36 @@ class WireSession:
         return self.listening if self.role == "router" else self.joined or self.listening
 
     def close(self) -> None:
-        """Closes the session; a second call does nothing."""
+        """Closes the session; a second call does nothing.
+
+        If clients do not read, it returns after `CLOSE_TIMEOUT`, and the session is closed later, or by the end of the
+        process.
+        """
         if self._watch is not None:
             self._watch.stop()
         if not self.zenoh.is_closed():
-            # zenoh's stubs leave the return type open.
-            self.zenoh.close()  # type: ignore[no-untyped-call]
+            self._close_zenoh()
         if self._watch is not None:
             # After the session, because the session may be connected to a router that the watch hosts.
             self._watch.close()
+
+    def _close_zenoh(self) -> None:
+        errors: list[zenoh.ZError] = []
+
+        def close() -> None:
+            try:
+                # zenoh's stubs leave the return type open.
+                self.zenoh.close()  # type: ignore[no-untyped-call]
+            except zenoh.ZError as error:
+                errors.append(error)
+
+        closing = threading.Thread(target=close, name="close session", daemon=True)
+        closing.start()
+        closing.join(CLOSE_TIMEOUT)
+        if closing.is_alive():
+            _log.info("a client does not read; the session is not closed yet after %g s", CLOSE_TIMEOUT)
+        elif errors:
+            raise errors[0]
 
 
 def open_session(settings: SessionSettings, name: str) -> WireSession:

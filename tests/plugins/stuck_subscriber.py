@@ -1,4 +1,4 @@
-"""A client with its own network address that stops reading after the first image: `stuck_subscriber.py ENDPOINT`."""
+"""Clients that stop reading after the first message: `stuck_subscriber.py ENDPOINT COUNT`."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ from zenoh.handlers import Callback
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([sys.argv[1]]))
-# What other machines have not.
+# As on another machine.
 config.insert_json5("transport/shared_memory/enabled", "false")
 released = threading.Event()
 
@@ -20,9 +20,10 @@ def stick(sample):
     released.wait()
 
 
-session = zenoh.open(config)
+sessions = [zenoh.open(config) for _ in range(int(sys.argv[2]))]
 subscribers = [
     session.declare_subscriber(key, Callback(stick, indirect=False))
+    for session in sessions
     for key in ("cameras/eye/color", "cameras/eye/depth", "clock")
 ]
 sys.stdin.readline()

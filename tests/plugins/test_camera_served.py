@@ -128,11 +128,11 @@ def test_in_lockstep_requests_are_answered_while_a_process_is_started_again(serv
 
 @pytest.fixture
 def stuck():
-    """Starts clients that do not read."""
+    """Starts a process with clients that do not read."""
     clients = []
 
-    def stuck(endpoint):
-        command = [sys.executable, str(Path(__file__).parent / "stuck_subscriber.py"), endpoint]
+    def stuck(endpoint, count):
+        command = [sys.executable, str(Path(__file__).parent / "stuck_subscriber.py"), endpoint, str(count)]
         clients.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
         return clients[-1]
 
@@ -143,14 +143,14 @@ def stuck():
 
 
 @pytest.mark.usefixtures("gl")
-def test_a_client_that_does_not_read_keeps_neither_physics_nor_other_clients_waiting(serve, stuck):
+def test_clients_that_do_not_read_delay_neither_physics_nor_other_clients_nor_the_end(serve, stuck):
     server = serve("camera_publish_rate: 20, eye: {width: 640, height: 480}")
     with Client(server.endpoint) as client:
         depth, clock = client.listen("cameras/eye/depth"), client.listen("clock")
-        slow = stuck(server.endpoint)
+        slow = stuck(server.endpoint, 4)
         client.do("mjplug/set_pause", paused=False)
         assert slow.stdout.readline() == "stuck\n"
-        # More than its link can hold.
+        # More than the links can hold.
         for _ in range(20):
             depth.sample(STARTING)
         clock.forget()
@@ -159,7 +159,8 @@ def test_a_client_that_does_not_read_keeps_neither_physics_nor_other_clients_wai
             depth.sample(STARTING)
         elapsed = time.monotonic() - began
         ticks = [time_of(clock.sample()) for _ in range(clock._samples.qsize())]
-        assert ticks[-1] - first > 0.8 * elapsed
+        # If physics waited for a link, it would be slower by far. A busy machine slows it too.
+        assert ticks[-1] - first > 0.2 * elapsed
         # 100 Hz
         assert len(ticks) > 90 * (ticks[-1] - first)
         assert slow.poll() is None

@@ -8,16 +8,17 @@ import sys
 import threading
 
 import pytest
+import zenoh
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.errors import WireError
 from mjplug.wire import identity
+from mjplug.wire import session as session_module
 from mjplug.wire.endpoints import dialable, on_free_port, with_free_port
-from mjplug.wire.session import SessionSettings, open_session
+from mjplug.wire.session import SessionSettings, WireSession, open_session
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
-
-TIMEOUT = 5.0
 
 
 @pytest.fixture
@@ -280,3 +281,39 @@ def test_a_process_that_forgets_to_close_still_ends():
     ended = subprocess.run([sys.executable, "-c", SERVER], capture_output=True, text=True, timeout=15, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.startswith("tcp/127.0.0.1:")
+
+
+class Hanging:
+    """A session of Zenoh that is being closed until `released`."""
+
+    def __init__(self, error=None):
+        self.released = threading.Event()
+        self.error = error
+        self.closed = False
+
+    def is_closed(self):
+        return self.closed
+
+    def close(self):
+        self.closed = True
+        self.released.wait()
+        if self.error is not None:
+            raise self.error
+
+
+def test_clients_that_do_not_read_delay_the_end_of_a_session_for_a_limited_time(caplog, monkeypatch):
+    monkeypatch.setattr(session_module, "CLOSE_TIMEOUT", 0.01)
+    hanging = Hanging()
+    session = WireSession(hanging, "router", ("tcp/127.0.0.1:7",), ())
+    with caplog.at_level(logging.INFO):
+        session.close()
+        session.close()
+    hanging.released.set()
+    assert caplog.messages == ["a client does not read; the session is not closed yet after 0.01 s"]
+
+
+def test_a_session_that_cannot_be_closed_is_an_error():
+    broken = Hanging(zenoh.ZError("no"))
+    broken.released.set()
+    with pytest.raises(zenoh.ZError, match="no"):
+        WireSession(broken, "router", ("tcp/127.0.0.1:7",), ()).close()
