@@ -7,8 +7,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
-ENDS = 60.0
-"""How long a thread may take that nothing blocks [s]."""
+from waits import TIMEOUT
 
 
 def interrupted_at_each_point(function: Callable[[], Any]):
@@ -56,5 +55,5 @@ def ends(function: Callable[..., Any], *arguments: Any) -> bool:
     """Calls a function on another thread, and returns whether the call ends."""
     thread = threading.Thread(target=function, args=arguments, daemon=True)
     thread.start()
-    thread.join(ENDS)
+    thread.join(TIMEOUT)
     return not thread.is_alive()

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from cli.process import Lines, environment
+from waits import TIMEOUT
 
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "bridge_ros2"
@@ -21,9 +22,6 @@ REAL = subprocess.run([PYTHON, "-c", "import rclpy"], capture_output=True, check
 
 # The tests themselves need no more than its message packages.
 sys.path[:0] = [str(STAND_IN), str(SOURCE)]
-
-STARTING = 30.0
-STOPPING = 10.0
 
 
 class Bridge:
@@ -48,13 +46,13 @@ class Bridge:
         )
         self.log = Lines(self.process.stdout)
 
-    def wait_for(self, pattern, within=STARTING):
+    def wait_for(self, pattern, within=TIMEOUT):
         """Waits for a line of its log."""
         found = self.log.wait_for(pattern, within)
         assert found is not None, f"ended without a line with {pattern!r}:\n{self.log.text}"
         return found
 
-    def end(self, within=STARTING):
+    def end(self, within=TIMEOUT):
         """Waits until it ends by itself; returns the exit code."""
         code = self.process.wait(within)
         self.log.wait_for_end()
@@ -63,7 +61,7 @@ class Bridge:
     def stop(self, number=signal.SIGINT):
         """Sends a signal and returns the exit code."""
         self.process.send_signal(number)
-        return self.end(STOPPING)
+        return self.end(TIMEOUT)
 
     def finish(self):
         """Ends it by SIGTERM, or by force if that does not help.
@@ -74,7 +72,7 @@ class Bridge:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(STOPPING)
+                self.process.wait(TIMEOUT)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()

@@ -3,16 +3,13 @@
 import queue
 import subprocess
 import threading
-import time
 from multiprocessing.connection import Listener
 from pathlib import Path
 from types import SimpleNamespace
 
 from bridge.process import PYTHON
 from cli.process import environment
-
-TIMEOUT = 20.0
-"""How long anything may take on a machine with other work [s]."""
+from waits import TIMEOUT, until
 
 
 class Inbox:
@@ -71,7 +68,7 @@ class RosSide:
     def publisher(self, name, type_name):
         """Returns a function that publishes bytes, after a subscriber was found."""
         publisher, _ = self._order("publisher", name, type_name)
-        self.until(lambda: self._ask("readers", publisher) > 0)
+        until(lambda: self._ask("readers", publisher) > 0)
         return lambda payload: self._ask("publish", publisher, payload)
 
     def is_ready(self, name, type_name):
@@ -82,7 +79,7 @@ class RosSide:
     def send(self, name, type_name, **fields):
         """Calls a service as soon as it is available."""
         client, _ = self._order("client", name, type_name)
-        self.until(lambda: self._ask("ready", client))
+        until(lambda: self._ask("ready", client))
         return Answer(self._order("send", client, type_name, fields)[1])
 
     def call(self, name, type_name, **fields):
@@ -91,13 +88,6 @@ class RosSide:
     def types(self, name):
         """The types that a topic has."""
         return self._ask("types", name)
-
-    def until(self, condition, within=TIMEOUT):
-        """Waits for a change of the ROS graph that rclpy does not report."""
-        end = time.monotonic() + within
-        while not condition():
-            assert time.monotonic() < end, f"not within {within} s"
-            threading.Event().wait(0.01)
 
     def forget(self):
         """Destroys what a test has made."""

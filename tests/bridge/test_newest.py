@@ -4,10 +4,9 @@ import threading
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 
 from mjplug_schemas.std_msgs import String
-
-TIMEOUT = 20.0
 
 
 class SlowReader:

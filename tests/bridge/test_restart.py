@@ -6,6 +6,7 @@ import threading
 
 import pytest
 from cli.client import Client
+from waits import until
 
 from mjplug_schemas.rihs01 import type_hash
 from mjplug_schemas.std_msgs import String
@@ -26,7 +27,7 @@ def test_the_bridge_waits_for_the_server_and_survives_its_death(ros, serve, brid
 
     server.kill()
     own.wait_for("/mjplug stopped or cannot be reached; waiting for it")
-    ros.until(lambda: ros.types("/own/mjplug/epoch") == [])
+    until(lambda: ros.types("/own/mjplug/epoch") == [])
 
     serve(listen=("--listen", free_endpoint))
     inbox.drain()
@@ -50,12 +51,12 @@ def test_calls_that_wait_fail_when_the_server_has_no_token_any_more(ros, bridge,
     sim.open_service("/go")
     own = bridge(sim.endpoint)
     waiting = ros.send("/own/go", "std_srvs/srv/Trigger")
-    ros.until(lambda: sim.waiting == 1)
+    until(lambda: sim.waiting == 1)
     sim.disappear()
     response = waiting.get()
     assert (response.success, response.message) == (False, "/sim stopped or cannot be reached")
     ready = ros.is_ready("/own/go", "std_srvs/srv/Trigger")
-    ros.until(lambda: not ready())
+    until(lambda: not ready())
     own.wait_for("ERROR.*/own/go: /sim stopped or cannot be reached")
 
 
@@ -74,10 +75,10 @@ def test_a_server_that_is_not_ready_yet_is_asked_again_and_then_after_changes(ro
         late.put("late/interfaces", b"")
         own.wait_for("/late: 0 topics and 1 services are mapped")
         ready = ros.is_ready("/own/go", "std_srvs/srv/Trigger")
-        ros.until(ready)
+        until(ready)
         answers.append(json.dumps({"topics": [], "services": []}).encode())
         late.put("late/interfaces", b"")
-        ros.until(lambda: not ready())
+        until(lambda: not ready())
         token.undeclare()
         own.wait_for("/late stopped or cannot be reached")
         queryable.undeclare()

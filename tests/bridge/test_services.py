@@ -5,6 +5,7 @@ import json
 import time
 
 import pytest
+from waits import until
 
 from mjplug_schemas.rosgraph_msgs import Clock
 
@@ -85,4 +86,4 @@ def test_calls_that_wait_fail_when_the_server_dies(ros, serve, bridge):
         )
     own.wait_for("/mjplug stopped or cannot be reached; waiting for it")
     ready = ros.is_ready("/own/external_wrench/apply_wrench", APPLY_WRENCH)
-    ros.until(lambda: not ready())
+    until(lambda: not ready())

@@ -3,6 +3,7 @@
 import pytest
 import yaml
 from bridge.process import SOURCE
+from waits import until
 
 from mjplug.contracts.transport import DEFAULT, QoS, Topic
 from mjplug_schemas.geometry_msgs import Twist
@@ -116,10 +117,10 @@ def test_only_what_is_allowed_is_mapped(ros, bridge, sim):
     sim.publish(Topic("/b", String, DEFAULT))
     own = bridge(sim.endpoint, allow=["/go", "/a", "/b"], deny=["/b"])
     own.wait_for("/sim: 1 topics and 1 services are mapped")
-    ros.until(lambda: ros.types("/own/a") == ["std_msgs/msg/String"])
+    until(lambda: ros.types("/own/a") == ["std_msgs/msg/String"])
     assert ros.types("/own/b") == []
     assert not ros.is_ready("/own/stop", "std_srvs/srv/Trigger")()
-    ros.until(ros.is_ready("/own/go", "std_srvs/srv/Trigger"))
+    until(ros.is_ready("/own/go", "std_srvs/srv/Trigger"))
 
 
 @ros_only
@@ -148,7 +149,7 @@ def test_the_quality_of_service_is_the_servers_unless_a_parameter_says_otherwise
     demanding = {name: ros.subscribe(f"/own{name}", "std_msgs/msg/String") for name in publishers}
     modest = {name: ros.subscribe(f"/own{name}", "std_msgs/msg/String", reliable=False) for name in publishers}
     for name, publisher in publishers.items():
-        ros.until(lambda publisher=publisher: publisher.matched)
+        until(lambda publisher=publisher: publisher.matched)
         publisher.publish(String(data=name))
         assert String.from_cdr(modest[name].next()).data == name
     assert String.from_cdr(demanding["/b"].next()).data == "/b"
@@ -170,7 +171,7 @@ def test_a_topic_that_the_server_both_writes_and_reads_does_not_go_in_circles(ro
         return len(arrived := inbox.drain()) > 0 and received.extend(arrived) is None
 
     received = []
-    ros.until(arrives)
+    until(arrives)
     while String.from_cdr(received[-1]).data != sent[-1]:
         received.append(inbox.next())
     assert [String.from_cdr(payload).data for payload in received] == sent[-len(received) :]

@@ -7,6 +7,7 @@ import threading
 import pytest
 import zenoh
 from cli.client import Client
+from waits import TIMEOUT, until
 from zenoh.handlers import Callback
 
 from mjplug.contracts.transport import LATCHED, Topic
@@ -15,8 +16,6 @@ from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String, UInt64
 
 pytestmark = pytest.mark.ros
-
-TIMEOUT = 20.0
 
 
 @pytest.fixture(autouse=True)
@@ -62,14 +61,14 @@ def test_a_latched_topic_is_subscribed_even_without_ros_subscribers(ros, bridge,
     bridge(sim.endpoint)
     with Client(sim.endpoint) as client:
         publisher = client.session.declare_publisher("a")
-        ros.until(lambda: publisher.matching_status.matching)
+        until(lambda: publisher.matching_status.matching)
 
 
 def test_messages_for_the_server_arrive(ros, zenoh_client):
     publish = ros.publisher("/probe/twist", "geometry_msgs/msg/Twist")
     before = state(zenoh_client)["twists"]
     publish(Twist(linear=Vector3(x=-12.625)).to_cdr())
-    ros.until(lambda: state(zenoh_client)["twists"] == before + 1)
+    until(lambda: state(zenoh_client)["twists"] == before + 1)
     assert state(zenoh_client)["last_twist_x"] == -12.625
 
 

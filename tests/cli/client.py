@@ -5,11 +5,10 @@ import queue
 from dataclasses import dataclass
 
 import zenoh
+from waits import TIMEOUT
 from zenoh.handlers import Callback
 
 JSON = zenoh.Encoding.APPLICATION_JSON
-ANSWER = 20.0
-"""How long an answer may take on a machine with other work [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Pending:
     def answered(self):
         return not self._replies.empty()
 
-    def answer(self, within=ANSWER):
+    def answer(self, within=TIMEOUT):
         try:
             answer = self._replies.get(timeout=within)
         except queue.Empty:
@@ -78,13 +77,13 @@ class Listener:
     def add(self, sample):
         self._samples.put(sample)
 
-    def sample(self, within=ANSWER):
+    def sample(self, within=TIMEOUT):
         try:
             return self._samples.get(timeout=within)
         except queue.Empty:
             raise AssertionError(f"no sample within {within} s") from None
 
-    def next(self, within=ANSWER):
+    def next(self, within=TIMEOUT):
         return json.loads(self.sample(within).payload.to_bytes())
 
     def drain(self):
@@ -96,7 +95,7 @@ class Listener:
         for _ in range(self._samples.qsize()):
             self._samples.get()
 
-    def until(self, condition, within=ANSWER):
+    def until(self, condition, within=TIMEOUT):
         """Returns the first message that fulfils a condition, and drops those before it."""
         while True:
             message = self.next(within)

@@ -13,12 +13,13 @@ from pathlib import Path
 
 import warm_python
 from machine import BYTECODE
+from waits import TIMEOUT
 
 STARTING = 90.0
 """How long a server may take to become ready on a machine with other work [s]."""
 
-STOPPING = 5.0
-"""How long it may take to stop [s]."""
+STOPPING = 30.0
+"""How long it may take to stop on such a machine [s]; the server itself ends a stop that takes too long."""
 
 COMMAND = (sys.executable, "-m", "mjplug")
 FREE_PORT = ("--listen", "tcp/127.0.0.1:0")
@@ -52,7 +53,7 @@ class Lines:
         self._changed = threading.Condition()
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
-    def wait_for(self, pattern, within=10.0):
+    def wait_for(self, pattern, within=TIMEOUT):
         """Returns the match in the first line that has one; None when the stream ends without."""
         until = time.monotonic() + within
         seen = 0
@@ -67,7 +68,7 @@ class Lines:
                 if not self._changed.wait(until - time.monotonic()):
                     raise AssertionError(f"no line with {pattern!r} within {within} s, but:\n{self.text}")
 
-    def wait_for_end(self, within=10.0):
+    def wait_for_end(self, within=TIMEOUT):
         """Returns the whole text."""
         with self._changed:
             assert self._changed.wait_for(lambda: self._ended, within), f"still open after {within} s"
@@ -133,7 +134,7 @@ class Served:
         self.process.send_signal(number)
         return self.end(within)
 
-    def end(self, within=10.0):
+    def end(self, within=TIMEOUT):
         """Waits until the server ends by itself; returns the exit code."""
         code = self.process.wait(within)
         self.out.wait_for_end()

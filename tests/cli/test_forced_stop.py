@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from cli.conftest import WORLD
 from cli.process import COMMAND, FREE_PORT, STARTING, Lines, environment
+from waits import until
 
 from mjplug.lifecycle.watchdog import FORCED_STOP, STOP_TIME
 
@@ -144,10 +145,7 @@ def test_a_forced_stop_leaves_no_process_and_no_file(hang, tmp_path):
     server.process.send_signal(signal.SIGTERM)
     assert "plugin instance 'culprit' in cleanup (" in ends(server)
     assert not ready.exists()
-    until = time.monotonic() + ENDING
-    while left := [pid for pid in {worker, *children} if running(pid)]:
-        assert time.monotonic() < until, left
-        time.sleep(0.02)
+    until(lambda: not any(running(pid) for pid in {worker, *children}))
     own = {path.name for path in Path("/dev/shm").iterdir()} - memory
     assert not [name for name in own if str(server.process.pid) in name or str(worker) in name]
 
@@ -168,10 +166,7 @@ def test_a_server_that_stops_in_time_leaves_no_overseer(serve):
         if "overseer_process.py\0" in command(folder) and f"\0{server.process.pid}\0" in command(folder)
     ]
     assert server.stop() == 0
-    until = time.monotonic() + ENDING
-    while running(overseer):
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: not running(overseer))
 
 
 def command(folder):

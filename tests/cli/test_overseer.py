@@ -9,11 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from waits import TIMEOUT, until
 
 from mjplug.lifecycle import overseer_process
-
-WAITING = 20.0
-"""Timeout for operations that take at most a second on an idle machine [s]."""
 
 TESTS = Path(__file__).parent.parent
 
@@ -32,10 +30,7 @@ class Overseen:
         self.process.send_signal(number)
 
     def overseer_ends(self):
-        until = time.monotonic() + WAITING
-        while state(self.overseer) not in ("gone", "Z"):
-            assert time.monotonic() < until, "the overseer still runs"
-            time.sleep(0.02)
+        until(lambda: state(self.overseer) in ("gone", "Z"))
 
 
 @pytest.fixture
@@ -79,7 +74,7 @@ def test_it_ends_when_the_server_is_killed(overseen, case):
 @pytest.mark.parametrize("case", ["hangs", "leaves a stop"])
 def test_it_ends_a_server_that_does_not_stop_with_the_exit_code_and_the_place(overseen, case):
     server = overseen(case)
-    assert server.process.wait(WAITING) == 40
+    assert server.process.wait(TIMEOUT) == 40
     server.overseer_ends()
     sentence = server.process.stderr.read()
     assert sentence.startswith(
@@ -102,13 +97,13 @@ def test_it_knows_from_the_pipe_whether_the_server_ends_itself(told, ends):
 
 def test_it_ends_a_suspended_server_that_was_about_to_end(overseen):
     server = overseen("is suspended")
-    assert server.process.wait(WAITING) == -signal.SIGKILL
+    assert server.process.wait(TIMEOUT) == -signal.SIGKILL
     server.overseer_ends()
 
 
 def test_it_ends_when_the_server_dies_while_it_writes_down_where_its_threads_are(overseen):
     server = overseen("dies at the dump")
-    assert server.process.wait(WAITING) == -41
+    assert server.process.wait(TIMEOUT) == -41
     server.overseer_ends()
 
 
@@ -123,10 +118,7 @@ def test_a_suspended_server_without_a_stop_request_is_left_alone(overseen):
 def test_it_outlives_the_signals_that_stop_the_server(overseen):
     server = overseen("waits")
     numbers = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
-    until = time.monotonic() + WAITING
-    while not all(ignores(server.overseer, number) for number in numbers):
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: all(ignores(server.overseer, number) for number in numbers))
     for number in numbers:
         os.kill(server.overseer, number)
     time.sleep(0.2)
@@ -139,7 +131,7 @@ def test_it_does_not_watch_another_process_that_has_the_servers_number():
     # This process represents the other one: it is not the parent of the program.
     words = [overseer_process.__file__, os.getpid(), 0.0, *[0] * 6]
     with subprocess.Popen(["sh", "-c", '"$@"; exit $?', "sh", sys.executable, *map(str, words)]) as program:
-        assert program.wait(WAITING) == 0
+        assert program.wait(TIMEOUT) == 0
 
 
 def test_it_finds_the_physics_thread_in_what_faulthandler_writes():

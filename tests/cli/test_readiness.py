@@ -7,11 +7,11 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 from cli.conftest import WORLD
 from cli.process import COMMAND, FREE_PORT, STARTING, STOPPING, environment, run
+from waits import until
 
 from mjplug.lifecycle.ready_file import ReadyFile
 from mjplug.lifecycle.systemd import ServiceManager
@@ -108,10 +108,7 @@ def test_the_ready_file_is_there_while_the_server_is_ready(serve, tmp_path):
     path = tmp_path / "ready.json"
     path.write_text("from an earlier server")
     server = serve("bundled:box", "--paused", "--ready-file", str(path), "--set", "namespace=robot1")
-    until = time.monotonic() + STARTING
-    while not path.exists():
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(path.exists)
     assert json.loads(path.read_text()) == {
         "endpoint": server.endpoint, "server": "/robot1/mjplug", "pid": server.process.pid,
     }  # fmt: skip

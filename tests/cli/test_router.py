@@ -11,7 +11,7 @@ from cli.process import COMMAND, STARTING, STOPPING, Lines, environment
 from mjplug.client import ClientError, connect
 from mjplug.wire.endpoints import on_free_port
 
-BACK = 40.0
+BACK = 60.0
 """How long it may take on a busy machine until a server is reached again [s]; Zenoh tries every 4 s at the latest."""
 
 
@@ -52,7 +52,7 @@ def call_until_answered(client, name):
     until = time.monotonic() + BACK
     while True:
         try:
-            return client.call(name, paused=False, check=False, timeout=STOPPING).message
+            return client.call(name, paused=False, check=False, timeout=5.0).message
         except ClientError:
             assert time.monotonic() < until
             time.sleep(0.2)

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from cli.process import COMMAND, environment
 from slow_listener import SlowListener
+from waits import TIMEOUT
 
 from mjplug.cli import rate_meter, topic_echo, topic_rates
 from mjplug.client import connect, connection
@@ -24,7 +25,6 @@ from mjplug_schemas.rihs01 import type_hash
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import UInt64
 
-ENDS = 20.0
 POSITION = "free_joints[0].pose.pose.position"
 
 
@@ -136,7 +136,7 @@ class stepping:  # noqa: N801  (reads as a statement)
 
     def __exit__(self, *_):
         self._over.set()
-        self._thread.join(ENDS)
+        self._thread.join(TIMEOUT)
         self._client.close()
 
 
@@ -232,12 +232,12 @@ def test_published_messages_arrive_as_often_as_asked(tour):
             f"publishing #{i}: {{linear: {{x: 0.5, y: 0.0, z: 0.0}}, angular: {{x: 0.0, y: 0.0, z: 0.0}}}}"
             for i in (1, 2, 3)
         ]
-        received = [commands.next(ENDS) for _ in range(3)]
+        received = [commands.next(TIMEOUT) for _ in range(3)]
         assert received == [Twist.from_json('{"linear": {"x": 0.5}}')] * 3
         assert (
             tour.ask("topic", "pub", "-1", "-p", "0", "/cmd_vel", "geometry_msgs/msg/Twist", "{angular: {z: 1}}") == ""
         )
-        assert commands.next(ENDS).angular.z == 1.0
+        assert commands.next(TIMEOUT).angular.z == 1.0
 
 
 def test_the_rate_of_a_1_khz_topic_is_measured_to_one_hertz(tour, monkeypatch):
@@ -359,7 +359,7 @@ def test_ctrl_c_ends_with_130_and_without_output(start):
     process = start("topic", "echo", "/clock")
     assert process.stdout.readline() == "clock:\n"
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=ENDS)
+    _, err = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, err) == (130, "")
 
 
@@ -367,17 +367,17 @@ def test_a_closed_pipe_ends_it_without_an_error(start):
     process = start("topic", "echo", "/clock")
     assert process.stdout.readline() == "clock:\n"
     process.stdout.close()
-    assert process.wait(ENDS) == 0
+    assert process.wait(TIMEOUT) == 0
     assert process.stderr.read() == ""
 
 
 def test_output_that_cannot_be_written_is_a_sentence(tour):
     words = [*COMMAND, "topic", "list", "-e", tour.endpoint]
     with open("/dev/full", "w") as full:
-        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=ENDS, check=False)
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False)
     assert (done.returncode, done.stderr) == (1, "error: cannot write: No space left on device\n")
     closed = subprocess.run(
-        ["sh", "-c", '"$@" >&-', "sh", *words], stderr=subprocess.PIPE, text=True, timeout=ENDS, check=False
+        ["sh", "-c", '"$@" >&-', "sh", *words], stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False
     )
     assert (closed.returncode, closed.stderr) == (0, "")
 

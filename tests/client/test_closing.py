@@ -4,13 +4,13 @@ import math
 import threading
 
 import pytest
+from waits import TIMEOUT
 
 from mjplug.client import ClientError, connect
 from mjplug.client import client as client_module
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String
 
-TIMEOUT = 10.0
 SUBSCRIPTIONS = 25
 """By each of several threads."""
 

@@ -12,13 +12,12 @@ import pytest
 import zenoh
 from cli.process import Served, environment
 from slow_listener import SlowListener
+from waits import TIMEOUT
 
 from mjplug.client import ClientError, NoServerError, TimedOutError, UnknownNameError, connect
 from mjplug.wire.discovery import announced
 from mjplug.wire.endpoints import on_free_port
 from mjplug_schemas.rosgraph_msgs import Clock
-
-ENDS = 20.0
 
 
 @pytest.fixture
@@ -91,7 +90,7 @@ def test_a_host_that_does_not_exist_is_named():
 
 
 def test_a_server_that_needs_longer_for_each_handshake_is_reached(server):
-    with SlowListener(server.endpoint, delay=1.5) as listener, connect(listener.endpoint, timeout=ENDS) as client:
+    with SlowListener(server.endpoint, delay=1.5) as listener, connect(listener.endpoint, timeout=TIMEOUT) as client:
         assert client.nodes() == ["/mjplug"]
         assert listener.connections > 1
 
@@ -145,7 +144,7 @@ def test_a_client_may_start_before_its_server(tmp_path):
     )
     server = Served("bundled:box", cwd=tmp_path, listen=("--listen", endpoint))
     try:
-        assert waiting.communicate(timeout=ENDS)[0] == "the simulation is now paused\n"
+        assert waiting.communicate(timeout=TIMEOUT)[0] == "the simulation is now paused\n"
     finally:
         waiting.kill()
         server.kill()
@@ -160,7 +159,7 @@ def test_a_program_that_forgets_to_close_still_ends(server, tmp_path):
         "client.subscribe('/clock', callback=lambda message: seen.set())\n"
         "assert seen.wait(10.0)\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment(), timeout=ENDS, check=False)
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment(), timeout=TIMEOUT, check=False)
     assert done.returncode == 0
 
 
@@ -197,7 +196,7 @@ def test_a_subscription_outlives_a_restart_of_its_server(tmp_path):
     listen = ("--listen", on_free_port("tcp/127.0.0.1:0"))
     first = Served("bundled:box", cwd=tmp_path, listen=listen)
     with connect(first.endpoint) as client, client.subscribe("/clock") as clock:
-        assert clock.next(ENDS) is not None
+        assert clock.next(TIMEOUT) is not None
         assert client.call("~/set_pause", paused=False).success
         assert first.stop() == 0
         with pytest.raises(
@@ -209,7 +208,7 @@ def test_a_subscription_outlives_a_restart_of_its_server(tmp_path):
         # Its time is zero.
         second = Served("bundled:box", "--paused", cwd=tmp_path, listen=listen)
         try:
-            while clock.next(ENDS) != Clock():
+            while clock.next(TIMEOUT) != Clock():
                 pass
             assert client.wait_for("~/set_pause").server == "/mjplug"
             assert client.call("~/set_pause", paused=True).success

@@ -2,11 +2,10 @@
 
 import json
 import logging
-import threading
-import time
 
 import pytest
 import zenoh
+from waits import until
 from wire.conftest import client_config
 
 from mjplug.client import UnknownNameError, confirmation, connect
@@ -94,9 +93,7 @@ def test_a_server_that_does_not_answer_is_named_and_not_left_out_silently(client
     hung = stranger.declare_queryable("hung/mjplug/interfaces", kept.append)
     token = stranger.liveliness().declare_token("@mjplug/hung/mjplug/1")
     bare = stranger.liveliness().declare_token("@mjplug/bare/mjplug/1")
-    until = time.monotonic() + 10.0
-    while len(client.nodes()) < 12 and time.monotonic() < until:
-        threading.Event().wait(0.01)
+    until(lambda: len(client.nodes()) == 12)
     for _ in range(2):
         assert len(client.servers()) == 10
     lines = [line for line in caplog.messages if "; it is omitted" in line]
@@ -124,9 +121,7 @@ def test_a_server_that_is_slow_once_is_asked_again(client, stranger, monkeypatch
 
     queryable = stranger.declare_queryable("slow/mjplug/interfaces", answer)
     token = stranger.liveliness().declare_token("@mjplug/slow/mjplug/1")
-    until = time.monotonic() + 10.0
-    while "/slow/mjplug" not in client.nodes() and time.monotonic() < until:
-        threading.Event().wait(0.01)
+    until(lambda: "/slow/mjplug" in client.nodes())
     with caplog.at_level(logging.WARNING):
         assert "/slow/mjplug" in client.servers()
     assert not [line for line in caplog.messages if "; it is omitted" in line]
@@ -146,10 +141,12 @@ def test_a_program_that_matches_every_key_and_never_answers_does_not_delay_other
     networks[1].open_publisher(Topic("/absolute", Float64, DEFAULT))
     unanswered = []
     everything = stranger.declare_queryable("**", unanswered.append)
-    until = time.monotonic() + 10.0
-    while not unanswered and time.monotonic() < until:
+
+    def asked():
         client.session.get("proof", timeout=0.1)
-        threading.Event().wait(0.05)
+        return unanswered
+
+    until(asked)
     assert len(client.servers()) == 10
     client.subscribe("/absolute").close()
     assert client.call("/robot7/mjplug/go", timeout=80.0).message == "7"
@@ -161,9 +158,7 @@ def test_a_program_that_matches_every_key_and_never_answers_does_not_delay_other
 def test_a_token_with_a_name_that_ros_does_not_allow_is_no_server(client, stranger, name):
     token = stranger.liveliness().declare_token(f"@mjplug/evil/{name}/1")
     proof = stranger.liveliness().declare_token("@mjplug/proof/mjplug/1")
-    until = time.monotonic() + 10.0
-    while "/proof/mjplug" not in client.nodes() and time.monotonic() < until:
-        threading.Event().wait(0.01)
+    until(lambda: "/proof/mjplug" in client.nodes())
     assert [node for node in client.nodes() if not node.startswith("/robot")] == ["/proof/mjplug"]
     token.undeclare()
     proof.undeclare()

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 from cli.process import Served
+from waits import TIMEOUT
 
 from mjplug.client import RequestRefused, TimedOutError, UnknownNameError, WrongTypeError, connect, request
 from mjplug_schemas.builtin_interfaces import Duration
@@ -19,8 +20,6 @@ from mjplug_schemas.mujoco_ros2_control_msgs import (
 )
 from mjplug_schemas.rcl_interfaces import Parameter, ParameterValue
 from mjplug_schemas.std_msgs import Header
-
-TIMEOUT = 10.0
 
 
 def push(*seconds, force=1.0):

@@ -7,13 +7,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from waits import TIMEOUT
 
 from mjplug.client import ClientError, TimedOutError, UnknownNameError, WrongTypeError
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_msgs import String, UInt64
-
-TIMEOUT = 10.0
 
 
 def seconds(clock):

@@ -3,14 +3,13 @@
 import queue
 import shutil
 import subprocess
-import threading
-import time
 from contextlib import ExitStack, closing
 
 import pytest
 import zenoh
 from docs.markdown import blocks_of
 from docs.terminal import Command, Reader
+from waits import until
 from wire.conftest import client_config
 
 from mjplug.client import NoServerError, TimedOutError, connect
@@ -132,9 +131,7 @@ def test_the_limits_of_zenoh_spare_the_worker_processes(limited):
     network, arrived = limited("eth0")
     with zenoh.open(client_config(network.session.endpoint)) as worker:
         publisher = worker.declare_publisher("cmd_vel", congestion_control=zenoh.CongestionControl.BLOCK)
-        until = time.monotonic() + 10.0
-        while not publisher.matching_status.matching and time.monotonic() < until:
-            threading.Event().wait(0.01)
+        until(lambda: publisher.matching_status.matching)
         flood(worker, "cmd_vel", Float64(data=1.0).to_cdr(), 500)
         flood(worker, "cmd_vel", bytes(300_000), 1)
         flood(worker, "cmd_vel", Float64(data=2.0).to_cdr(), 1)

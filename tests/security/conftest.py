@@ -6,13 +6,11 @@ from contextlib import ExitStack
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 from zenoh.handlers import Callback
 
 from mjplug.security.folder import KeyFolder
 from mjplug.wire.zenoh_file import read_zenoh_file
-
-ANSWER_TIMEOUT = 20.0
-"""How long an answer may take on a machine with other work [s]."""
 
 
 @pytest.fixture(scope="session")
@@ -46,7 +44,7 @@ class Client:
 
     def ask(self, selector, **options):
         """All replies to a query: their payloads."""
-        replies = self.session.get(selector, timeout=options.pop("timeout", ANSWER_TIMEOUT), **options)
+        replies = self.session.get(selector, timeout=options.pop("timeout", TIMEOUT), **options)
         return [bytes((reply.ok or reply.err).payload) for reply in replies]
 
     def settle(self):
@@ -54,7 +52,7 @@ class Client:
         assert self.ask("mjplug/interfaces")
 
     def tokens(self, key):
-        return [str(reply.ok.key_expr) for reply in self.session.liveliness().get(key, timeout=ANSWER_TIMEOUT)]
+        return [str(reply.ok.key_expr) for reply in self.session.liveliness().get(key, timeout=TIMEOUT)]
 
     def keep(self, declared):
         self._kept.append(declared)

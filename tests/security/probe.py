@@ -10,7 +10,8 @@ import sys
 import time
 
 import zenoh
-from security.conftest import ANSWER_TIMEOUT, Client
+from security.conftest import Client
+from waits import TIMEOUT
 
 from mjplug_schemas import registry
 
@@ -20,7 +21,7 @@ ATTACHMENT = (1).to_bytes(8, "little") * 2 + b"\x10" + bytes(16)
 
 def look(client, keys):
     heard = {key: client.listen(key) for key in keys}
-    return {key: len(samples.get(timeout=ANSWER_TIMEOUT).payload.to_bytes()) for key, samples in heard.items()}
+    return {key: len(samples.get(timeout=TIMEOUT).payload.to_bytes()) for key, samples in heard.items()}
 
 
 def attack(client):

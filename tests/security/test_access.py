@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 import zenoh
-from security.conftest import ANSWER_TIMEOUT, Client
+from security.conftest import Client
+from waits import TIMEOUT
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
@@ -110,7 +111,7 @@ def test_a_viewer_and_an_operator_hear_every_topic_in_every_form(enter, gate, na
         while heard[key].empty() and (until := until - 1):
             gate.beat.publish(String(data="now"))
             client.settle()
-        assert bytes(heard[key].get(timeout=ANSWER_TIMEOUT).payload) == form, key
+        assert bytes(heard[key].get(timeout=TIMEOUT).payload) == form, key
 
 
 @pytest.mark.parametrize("name", ["viewer", "operator"])
@@ -126,7 +127,7 @@ def test_a_viewer_and_an_operator_get_what_was_latched(enter, name):
                 history=HistoryConfig(detect_late_publishers=True),
             )
         )
-        assert bytes(samples.get(timeout=ANSWER_TIMEOUT).payload) == form, key
+        assert bytes(samples.get(timeout=TIMEOUT).payload) == form, key
     # Without a history, a query gets it from the plain keys.
     assert client.ask("description") == [forms_of("a robot")[0]]
     assert client.ask("description/@json") == [forms_of("a robot")[1]]
@@ -178,7 +179,7 @@ def test_an_operator_commands_in_every_form_and_a_viewer_in_none(enter, gate, na
     client.settle()
     publish(client, COMMAND, name)
     client.settle()
-    got = [gate.commanded.get(timeout=ANSWER_TIMEOUT) for _ in range(arrive)]
+    got = [gate.commanded.get(timeout=TIMEOUT) for _ in range(arrive)]
     assert got == [name] * arrive
     assert gate.commanded.empty()
 
@@ -252,7 +253,7 @@ def test_a_worker_publishes_what_the_server_publishes_and_commands_nothing(enter
     heard = [other.listen(key) for key in keys_of(BEAT)]
     other.settle()
     publish(client, BEAT, "an image")
-    assert [bytes(samples.get(timeout=ANSWER_TIMEOUT).payload) for samples in heard] == [*forms_of("an image")]
+    assert [bytes(samples.get(timeout=TIMEOUT).payload) for samples in heard] == [*forms_of("an image")]
     gate.called.clear()
     assert [call(client, service) for service in SERVICES] == [[]] * len(SERVICES)
     publish(client, COMMAND, "worker")
@@ -277,7 +278,7 @@ def test_of_the_view_a_viewer_may_look_and_an_operator_may_drag(enter, name, thr
     for key in ("mjplug/@view/drag", "mjplug/@view/frame", "mjplug/@view/*"):
         client.session.put(key, b"pull", congestion_control=zenoh.CongestionControl.BLOCK)
     client.ask("mjplug/@view/scene")
-    got = [str(dragged.get(timeout=ANSWER_TIMEOUT).key_expr) for _ in through]
+    got = [str(dragged.get(timeout=TIMEOUT).key_expr) for _ in through]
     assert (got, dragged.qsize()) == (through, 0)
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from cli.process import Served, run
-from security.conftest import ANSWER_TIMEOUT, Client
+from security.conftest import Client
+from waits import TIMEOUT
 
 from mjplug.client import NoServerError, connect
 from mjplug.security.certificates import make_authority, make_server
@@ -60,7 +61,7 @@ def by_hand(tmp_path):
 
 def hear(opened, file, server):
     client = opened(Client(file, server.endpoint))
-    told = json.loads(bytes(client.listen("teller/positions/@json").get(timeout=3 * ANSWER_TIMEOUT).payload))
+    told = json.loads(bytes(client.listen("teller/positions/@json").get(timeout=TIMEOUT).payload))
     assert len(told["position"]) > 0
     assert "Traceback" not in server.err.text
 
@@ -79,11 +80,9 @@ def test_what_a_worker_publishes_arrives_with_the_certificates_of_keys_init(serv
 def test_a_worker_that_does_not_trust_the_server_says_what_to_add_in_one_line(serve, by_hand):
     server_file, _ = by_hand()
     server = serve("--zenoh-config", str(server_file))
-    warning = server.err.wait_for(
-        r"warning: .* has no root_ca_certificate, which the worker processes", 3 * ANSWER_TIMEOUT
-    )
+    warning = server.err.wait_for(r"warning: .* has no root_ca_certificate, which the worker processes", TIMEOUT)
     assert "add transport.link.tls.root_ca_certificate" in warning.string
-    line = server.err.wait_for(r"error: the worker process failed: (.*)", 3 * ANSWER_TIMEOUT)[1]
+    line = server.err.wait_for(r"error: the worker process failed: (.*)", TIMEOUT)[1]
     assert re.search(
         r"do not trust the server's certificate: add the certificate of its authority to .*server.json5", line
     )

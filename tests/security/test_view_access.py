@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import pytest
 import zenoh
-from security.conftest import ANSWER_TIMEOUT, Client
+from security.conftest import Client
+from waits import TIMEOUT
 
 from mjplug.wire.access import Interfaces
 from mjplug.wire.network import Network, open_network
@@ -50,7 +51,7 @@ def test_a_viewer_and_an_operator_see_the_scene_and_its_frames(enter, gate, name
     frames = client.listen(f"{VIEW}/frame")
     client.settle()
     gate.frames.put(b"a frame")
-    assert bytes(frames.get(timeout=ANSWER_TIMEOUT).payload) == b"a frame"
+    assert bytes(frames.get(timeout=TIMEOUT).payload) == b"a frame"
 
 
 def test_an_operator_drags_and_a_viewer_does_not(enter, gate):
@@ -58,7 +59,7 @@ def test_an_operator_drags_and_a_viewer_does_not(enter, gate):
         client = enter(name)
         client.session.put(f"{VIEW}/drag", name.encode(), congestion_control=zenoh.CongestionControl.BLOCK)
         client.settle()
-    assert gate.dragged.get(timeout=ANSWER_TIMEOUT) == b"operator"
+    assert gate.dragged.get(timeout=TIMEOUT) == b"operator"
     assert gate.dragged.empty()
 
 
@@ -67,7 +68,7 @@ def test_the_server_detects_that_an_operator_has_left(enter, gate):
     operator.keep(operator.session.liveliness().declare_token(f"{VIEW}/viewer/ann"))
     operator.settle()
     operator.close()
-    assert gate.left.get(timeout=ANSWER_TIMEOUT) == f"{VIEW}/viewer/ann"
+    assert gate.left.get(timeout=TIMEOUT) == f"{VIEW}/viewer/ann"
 
 
 def test_an_operator_may_own_the_steps_and_a_viewer_may_not(enter, gate):
@@ -77,9 +78,9 @@ def test_an_operator_may_own_the_steps_and_a_viewer_may_not(enter, gate):
         client = enter(name)
         client.keep(client.session.liveliness().declare_token(f"mjplug/@step/{name}"))
         client.settle()
-    assert changes.get(timeout=ANSWER_TIMEOUT) == ("mjplug/@step/operator", True)
+    assert changes.get(timeout=TIMEOUT) == ("mjplug/@step/operator", True)
     client.close()
-    assert changes.get(timeout=ANSWER_TIMEOUT) == ("mjplug/@step/operator", False)
+    assert changes.get(timeout=TIMEOUT) == ("mjplug/@step/operator", False)
     assert changes.empty()
 
 
@@ -94,4 +95,4 @@ def test_neither_a_viewer_nor_an_operator_publishes_frames_or_answers_for_the_sc
     client.settle()
     assert other.ask(f"{VIEW}/scene", target=zenoh.QueryTarget.ALL) == [b"a scene"]
     gate.frames.put(b"a frame")
-    assert bytes(frames.get(timeout=ANSWER_TIMEOUT).payload) == b"a frame"
+    assert bytes(frames.get(timeout=TIMEOUT).payload) == b"a frame"

@@ -8,12 +8,12 @@ import signal
 import sys
 import textwrap
 import threading
-import time
 from pathlib import Path
 
 import mujoco
 import pytest
 from conftest import ARM
+from waits import until
 
 from mjplug import log_scope, open_server
 from mjplug.config.problem import ConfigError
@@ -167,14 +167,6 @@ def open_files():
     return len(os.listdir("/proc/self/fd"))
 
 
-def settle(measure, wanted, within=10.0):
-    """Waits until a measure is what it should be, since Zenoh closes its files a moment later."""
-    until = time.monotonic() + within
-    while (found := measure()) > wanted and time.monotonic() < until:
-        time.sleep(0.05)
-    return found
-
-
 @pytest.mark.parametrize("run", [True, False], ids=["run", "stepped"])
 def test_in_any_order_of_stopping_the_process_is_as_before(run, monkeypatch):
     def theirs(text):
@@ -203,7 +195,8 @@ def test_in_any_order_of_stopping_the_process_is_as_before(run, monkeypatch):
                 assert sys.getswitchinterval() == pytest.approx(SWITCH_INTERVAL)
             second.stop()
             assert process_state() == before
-        assert settle(open_files, files) <= files
+        # Zenoh closes its files a moment later.
+        until(lambda: open_files() <= files)
     finally:
         mujoco.set_mju_user_warning(before_mujoco)
 
@@ -340,13 +333,13 @@ def test_each_server_has_worker_processes_of_its_own(tmp_path, monkeypatch):
             assert "performed" not in line.msg
     assert pids[0] != pids[1]
     first.stop()
-    assert settle(lambda: alive(pids[0]), False) is False
+    until(lambda: not alive(pids[0]))
     assert alive(pids[1])
     again = second.client().subscribe("/name/pid")
     second.client().call("/name/work")
     assert int(again.next(60.0).data) == pids[1]
     second.stop()
-    assert settle(lambda: alive(pids[1]), False) is False
+    until(lambda: not alive(pids[1]))
     assert set(threading.enumerate()) == threads
 
 

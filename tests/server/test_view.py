@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 import zenoh
 from services.view_packs import EVERYTHING, Frame, Pack, State
+from waits import TIMEOUT
 from wire.conftest import Client
 
 from mjplug import open_server
 from mjplug.services.view import drags
 from mjplug.wire.bytes_endpoints import MAX_OPEN_QUERIES
-
-STARTING = 60.0
-"""How long a worker process may take to start on a machine with other work [s]."""
 
 
 @pytest.fixture
@@ -43,7 +41,7 @@ def client(server):
 
 def reply(client, key):
     """The one reply to a query."""
-    (answer,) = client.session.get(key, timeout=STARTING)
+    (answer,) = client.session.get(key, timeout=TIMEOUT)
     return answer.ok
 
 
@@ -55,7 +53,7 @@ def test_a_client_gets_the_description_the_scene_and_the_frames(server, client):
     assert scene.attachment.to_string() == hashlib.sha256(packed).hexdigest() == info["scene"]
     header = Pack(gzip.decompress(packed)).header
     frames = client.listen("mjplug/@view/frame")
-    frame = Frame(bytes(frames.get(timeout=STARTING).payload))
+    frame = Frame(bytes(frames.get(timeout=TIMEOUT).payload))
     assert (frame.step, frame.flags) == (0, 1)
     model = mujoco.MjModel.from_xml_string(EVERYTHING)
     data = mujoco.MjData(model)
@@ -64,7 +62,7 @@ def test_a_client_gets_the_description_the_scene_and_the_frames(server, client):
     with server.client() as connection:
         connection.call("~/step_simulation", steps=3)
     while frame.step < 3:
-        frame = Frame(bytes(frames.get(timeout=STARTING).payload))
+        frame = Frame(bytes(frames.get(timeout=TIMEOUT).payload))
     assert frame.time == 0.006
 
 
@@ -73,14 +71,14 @@ def test_a_client_with_mujoco_gets_the_model_and_the_states(server, client):
     assert answer.attachment.to_string() == mujoco.__version__
     model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": gzip.decompress(bytes(answer.payload))})
     states = client.listen("mjplug/@view/state")
-    state = State(bytes(states.get(timeout=STARTING).payload))
+    state = State(bytes(states.get(timeout=TIMEOUT).payload))
     assert (state.step, state.flags) == (0, 1)
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     assert len(state.values) == mujoco.mj_stateSize(model, kind)
     with server.client() as connection:
         connection.call("~/step_simulation", steps=3)
     while state.step < 3:
-        state = State(bytes(states.get(timeout=STARTING).payload))
+        state = State(bytes(states.get(timeout=TIMEOUT).payload))
     data = mujoco.MjData(model)
     mujoco.mj_setState(model, data, state.values, kind)
     assert data.time == state.time == 0.006
@@ -90,11 +88,11 @@ def test_a_wildcard_reads_neither_scene_nor_frames(server, client):
     seen = queue.SimpleQueue()
     subscriber = client.session.declare_subscriber("**", seen.put)
     frames = client.listen("mjplug/@view/frame")
-    frames.get(timeout=STARTING)
+    frames.get(timeout=TIMEOUT)
     subscriber.undeclare()
     while not seen.empty():
         assert "@view" not in str(seen.get().key_expr)
-    answers = [*client.session.get("mjplug/@view/*", target=zenoh.QueryTarget.ALL, timeout=STARTING)]
+    answers = [*client.session.get("mjplug/@view/*", target=zenoh.QueryTarget.ALL, timeout=TIMEOUT)]
     assert {answer.err.payload.to_string() for answer in answers if answer.ok is None} == {
         "query exactly mjplug/@view/info",
         "query exactly mjplug/@view/model",
@@ -103,7 +101,7 @@ def test_a_wildcard_reads_neither_scene_nor_frames(server, client):
 
 
 def test_queries_above_the_maximum_are_refused_and_the_others_are_answered(server, client):
-    replies = [client.session.get("mjplug/@view/scene", timeout=STARTING) for _ in range(MAX_OPEN_QUERIES + 20)]
+    replies = [client.session.get("mjplug/@view/scene", timeout=TIMEOUT) for _ in range(MAX_OPEN_QUERIES + 20)]
     answers = [answer for channel in replies for answer in channel]
     assert len(answers) == MAX_OPEN_QUERIES + 20
     packs = {bytes(answer.ok.payload) for answer in answers if answer.ok}
@@ -121,7 +119,7 @@ def stepped(scene):
 
 def step_until(server, condition):
     """Takes steps, and returns when the condition is true."""
-    until = time.monotonic() + STARTING
+    until = time.monotonic() + TIMEOUT
     while not condition():
         assert time.monotonic() < until
         server.step(1)

@@ -6,6 +6,7 @@ import json
 import threading
 
 import zenoh
+from waits import TIMEOUT
 from zenoh.handlers import Callback
 
 from mjplug_schemas.rcl_interfaces import SetParameters
@@ -75,22 +76,22 @@ class FakeServer:
     def send(self, topic, message):
         self.publisher(topic[1:]).put(bytes(message.to_cdr()))
 
-    def matched(self, key, within=10.0):
+    def matched(self, key, within=TIMEOUT):
         """Waits until a key has a subscriber."""
         return self._matching(key, True, within)
 
-    def unmatched(self, key, within=10.0):
+    def unmatched(self, key, within=TIMEOUT):
         """Waits until a key has no subscriber."""
         return self._matching(key, False, within)
 
-    def wait_for(self, key, count=1, within=10.0):
+    def wait_for(self, key, count=1, within=TIMEOUT):
         """Returns the payloads that came in on a key, as soon as there are enough of them."""
         with self._arrived:
             there = self._arrived.wait_for(lambda: len(self.received.get(key, ())) >= count, within)
             assert there, f"{key} got {self.received.get(key)}"
             return list(self.received[key])
 
-    def wait_for_queries(self, key, count, within=20.0):
+    def wait_for_queries(self, key, count, within=TIMEOUT):
         """Waits until a key has been queried often enough."""
         with self._arrived:
             assert self._arrived.wait_for(lambda: self.queried.get(key, 0) >= count, within), self.queried

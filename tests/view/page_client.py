@@ -6,10 +6,10 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 
+from waits import TIMEOUT
 from websockets.sync.client import connect
 
 FRAME, OVERLAY, SAMPLES, IMAGE = 1, 2, 3, 4
-WITHIN = 20.0
 
 
 @dataclass
@@ -102,7 +102,7 @@ class Page:
         self.close()
 
     def _take(self, queue, wanted):
-        until = time.monotonic() + WITHIN
+        until = time.monotonic() + TIMEOUT
         while True:
             for each in queue:
                 if wanted(each):

@@ -5,6 +5,7 @@ import threading
 import time
 
 import pytest
+from waits import until
 
 from mjplug.view import commands
 from mjplug_schemas.geometry_msgs import Twist, Vector3
@@ -167,7 +168,7 @@ def test_a_drag_gets_the_viewer_a_number_and_a_token_and_ends_with_release(ready
         {"viewer": viewer, "seq": 2, "body": "box", "rotate": [1, 0, 0, 0]},
         {"viewer": viewer, "release": True},
     ]
-    _wait(lambda: tokens == [True, False])
+    until(lambda: tokens == [True, False])
 
 
 def test_a_page_that_leaves_releases_its_body(ready, commanded):
@@ -235,10 +236,3 @@ def test_calls_that_wait_are_limited_and_do_not_delay_other_requests(new_server,
         "2 service calls are waiting, which is the maximum; try again later"
     )
     assert page.do(op="topics")["services"]
-
-
-def _wait(reached, within=10.0):
-    until = time.monotonic() + within
-    while not reached():
-        assert time.monotonic() < until
-        time.sleep(0.02)

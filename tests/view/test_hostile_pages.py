@@ -13,6 +13,7 @@ import urllib.request
 
 import pytest
 from view.page_client import FRAME
+from waits import until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -189,7 +190,7 @@ def test_a_client_that_never_reads_is_disconnected(attacked, monkeypatch):
         thread = threading.Thread(target=change)
         thread.start()
         try:
-            _wait(lambda: len(relay.relay.viewers) == 1)
+            until(lambda: len(relay.relay.viewers) == 1)
         finally:
             ended.set()
             thread.join()
@@ -233,7 +234,7 @@ def test_a_client_that_reads_nothing_of_a_large_response_is_disconnected(new_ser
             connection = stack.enter_context(raw(relay))
             connection.sendall(f"GET /scene/{server.hash} HTTP/1.1\r\nHost: 127.0.0.1:{relay.port}\r\n\r\n".encode())
         # The page and nobody else; the last ones wait until the first ones have been disconnected.
-        _wait(lambda: relay.relay.limits.count == 1)
+        until(lambda: relay.relay.limits.count == 1)
     with urllib.request.urlopen(f"{relay.url}scene/{server.hash}") as response:
         assert hashlib.sha256(response.read()).hexdigest() == server.hash
 
@@ -248,7 +249,7 @@ def test_too_many_browsers_are_refused_with_a_sentence(attacked, new_page, monke
             refused.recv(20)
     assert ended.value.rcvd.code == 1013
     pages[0].close()
-    _wait(lambda: len(relay.relay.viewers) == 2)
+    until(lambda: len(relay.relay.viewers) == 2)
     new_page(relay)
 
 
@@ -258,7 +259,7 @@ def test_too_many_connections_are_closed_and_the_others_work(attacked, monkeypat
     with contextlib.ExitStack() as stack:
         connections = [stack.enter_context(raw(relay)) for _ in range(40)]
         assert sum(closed(connection, 1.0) for connection in connections[20:]) >= 20
-    _wait(lambda: relay.relay.limits.count <= 1)
+    until(lambda: relay.relay.limits.count <= 1)
     with raw(relay) as connection:
         connection.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{relay.port}\r\n\r\n".encode())
         assert connection.recv(12) == b"HTTP/1.1 200"
@@ -272,11 +273,4 @@ def test_connections_that_end_without_a_word_leave_nothing_behind(attacked, new_
             connection.sendall(b"\x81" + bytes([0x80 | len(watch)]) + b"\0\0\0\0" + watch)
             # Resets the connection instead of closing it.
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-    _wait(lambda: len(relay.relay.viewers) == 1 and relay.relay.limits.count == 1)
-
-
-def _wait(reached, within=20.0):
-    until = time.monotonic() + within
-    while not reached():
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: len(relay.relay.viewers) == 1 and relay.relay.limits.count == 1)

@@ -14,6 +14,7 @@ import time
 import pytest
 from machine import lacking
 from services.view_packs import Frame
+from waits import TIMEOUT
 
 from mjplug import open_server
 from mjplug.errors import MjplugError
@@ -26,7 +27,6 @@ BOX = """
   <body name="box" pos="0 0 1"><freejoint/><geom type="box" size=".3 .3 .3" rgba=".9 .4 .1 1"/></body>
 </worldbody></mujoco>
 """
-STARTING = 60.0
 
 
 @pytest.fixture
@@ -156,13 +156,13 @@ def recording(server, tmp_path):
     path = tmp_path / "out.html"
     command = [sys.executable, "-m", "mjplug", "view", "--record", str(path), "-e", server.endpoint, "--wait", "60"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"})
-    until = time.monotonic() + STARTING
+    until = time.monotonic() + TIMEOUT
     while not path.exists() or sum(kind == "items" for kind, _, _ in chunks(path.read_text())) < 2:
         assert process.poll() is None
         assert time.monotonic() < until
         time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    printed, _ = process.communicate(timeout=STARTING)
+    printed, _ = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 0
     assert re.search(r"out\.html: \d+\.\d s, \d+ frames, \d+\.\d\d MB", printed)
     return path
@@ -170,7 +170,7 @@ def recording(server, tmp_path):
 
 def test_a_browser_plays_a_recording_from_the_file_and_the_user_moves_in_it(browser, recording):
     page = browser.new_page(viewport={"width": 480, "height": 360})
-    page.set_default_timeout(1000 * STARTING)
+    page.set_default_timeout(1000 * TIMEOUT)
     requests, errors = [], []
     page.on("request", lambda request: requests.append(request.url))
     page.on("pageerror", lambda error: errors.append(str(error)))

@@ -6,13 +6,13 @@ import socket
 import struct
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 
 import pytest
 from cli.process import STARTING, Lines, Served, environment, run
 from view.page_client import FRAME, SAMPLES, Page
+from waits import until
 
 from mjplug.security.folder import KeyFolder
 from mjplug.view import built_page
@@ -226,10 +226,7 @@ def test_the_view_of_a_server_is_a_child_process_that_ends_with_it(new_environme
         assert len(children) == 1
     server.process.send_signal(number)
     server.process.wait(20)
-    until = time.monotonic() + 20
-    while any(os.path.exists(f"/proc/{pid}") and _is_view(pid) for pid in children):
-        assert time.monotonic() < until
-        time.sleep(0.05)
+    until(lambda: not any(os.path.exists(f"/proc/{pid}") and _is_view(pid) for pid in children))
 
 
 def test_a_server_with_a_view_needs_the_page(new_environment, tmp_path):

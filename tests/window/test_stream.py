@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import zenoh
+from waits import TIMEOUT
 
 from mjplug import open_server
 from mjplug.window import WindowError, run_window
@@ -22,7 +23,6 @@ BOX = """
   <body name="box" pos="0 0 .5"><freejoint/><geom type="box" size=".1 .2 .3" pos=".05 0 0" euler="10 20 30"/></body>
 </worldbody></mujoco>
 """
-STARTING = 60.0
 
 
 def payload(values, paused=False, count=None):
@@ -102,7 +102,7 @@ def test_a_window_gets_the_model_and_the_states_of_a_server(tmp_path):
         assert model.body("box").id == 1
         states = States(client.session, "mjplug")
         feed, data = Feed("/mjplug", model, states), mujoco.MjData(model)
-        until = monotonic() + STARTING
+        until = monotonic() + TIMEOUT
         while (state := feed.load(data, 1.0)) is None:
             assert monotonic() < until
         assert (state.step, state.paused) == (0, True)

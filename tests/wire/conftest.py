@@ -7,12 +7,12 @@ from contextlib import ExitStack
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 
 from mjplug.wire.network import open_network
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
 
-ANSWER_TIMEOUT = 5.0
 ANY_PORT = ("tcp/127.0.0.1:0",)
 
 
@@ -55,7 +55,7 @@ class Client:
         """All replies to a query, sent once somebody can answer it."""
         key = str(selector).partition("?")[0]
         self._await_match(self.session.declare_querier(key))
-        options.setdefault("timeout", ANSWER_TIMEOUT)
+        options.setdefault("timeout", TIMEOUT)
         return [Answer(reply) for reply in self.session.get(selector, payload=payload, **options)]
 
     def call(self, selector, payload=None, **options):
@@ -85,7 +85,7 @@ class Client:
         listener = declared.declare_matching_listener(
             zenoh.handlers.Callback(lambda status: matched.set() if status.matching else None, indirect=False)
         )
-        assert matched.wait(ANSWER_TIMEOUT), f"nobody is there for {declared.key_expr}"
+        assert matched.wait(TIMEOUT), f"nobody is there for {declared.key_expr}"
         listener.undeclare()
 
     def close(self):

@@ -1,17 +1,15 @@
 """What the tests of the rmw_zenoh dialect share: names, and what a bare Zenoh peer does in place of a node."""
 
 import queue
-import threading
-import time
 
 import zenoh
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import DEFAULT, Topic
 from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import Trigger
 
-TIMEOUT = 5.0
 ANY_PORT = ("tcp/127.0.0.1:0",)
 
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -56,12 +54,3 @@ def request(client, key, payload, attachment, target=zenoh.QueryTarget.ALL_COMPL
     )
     (reply,) = list(replies)
     return reply
-
-
-def until(condition, within=TIMEOUT):
-    """Waits for a condition that is not reported by an event."""
-    deadline = time.monotonic() + within
-    tick = threading.Event()
-    while not condition():
-        assert time.monotonic() < deadline
-        tick.wait(0.002)

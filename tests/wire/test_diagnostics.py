@@ -4,6 +4,7 @@ import queue
 import threading
 
 import zenoh
+from waits import TIMEOUT
 
 from mjplug.contracts.diagnostics import Level
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
@@ -11,8 +12,6 @@ from mjplug.wire.calls import MAX_SMALL_REQUEST, OpenCalls, WireCall
 from mjplug.wire.diagnostics import WireDiagnostics
 from mjplug_schemas.std_msgs import Float64
 from mjplug_schemas.std_srvs import SetBool
-
-TIMEOUT = 5.0
 
 
 def test_what_cannot_be_read_is_counted_and_warned_of_once(network, client):

@@ -1,13 +1,12 @@
 import json
 
 import pytest
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import CLOCK, DEFAULT, ServiceName, Topic
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_srvs import Trigger
-
-TIMEOUT = 5.0
 
 
 @pytest.fixture

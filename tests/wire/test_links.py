@@ -12,6 +12,7 @@ from contextlib import ExitStack
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 from zenoh.handlers import Callback
 
 from mjplug.client import connect
@@ -20,8 +21,6 @@ from mjplug.wire import exposure, linger, zenoh_file
 from mjplug.wire.endpoints import on_free_port
 from mjplug.wire.session import SessionSettings, join, open_router, open_session
 from mjplug_schemas.std_msgs import String
-
-TIMEOUT = 10.0
 
 
 def test_a_subscription_returns_when_its_publishers_know_of_it_however_late_zenoh_reports_it(network):

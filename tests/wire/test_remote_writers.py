@@ -7,7 +7,8 @@ import time
 
 import pytest
 import zenoh
-from wire.conftest import ANSWER_TIMEOUT, ANY_PORT, client_config
+from waits import TIMEOUT
+from wire.conftest import ANY_PORT, client_config
 from wire.narrow_link import NarrowLink
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
@@ -42,7 +43,7 @@ def handed_over(network, tenant, qos, on_matched=lambda: None):
 
 
 def gid_of_the_token(client):
-    (token,) = client.session.liveliness().get("@ros2_lv/0/*/*/*/MP/*/*/*/%told/**", timeout=ANSWER_TIMEOUT)
+    (token,) = client.session.liveliness().get("@ros2_lv/0/*/*/*/MP/*/*/*/%told/**", timeout=TIMEOUT)
     return gid(str(token.ok.key_expr))
 
 
@@ -52,13 +53,13 @@ def test_what_a_tenant_publishes_is_the_servers(network, tenant, client, key):
     landlord, publisher = handed_over(network, tenant, DEFAULT, matched.set)
     assert not publisher.matched
     samples = client.listen(key)
-    assert matched.wait(ANSWER_TIMEOUT)
+    assert matched.wait(TIMEOUT)
     publisher.publish(String(data="hello"))
-    sample = samples.get(timeout=ANSWER_TIMEOUT)
+    sample = samples.get(timeout=TIMEOUT)
     # Heard as the server's own would be, but for the session that it came from.
     client.settle()
     landlord.publish(String(data="hello"))
-    own = samples.get(timeout=ANSWER_TIMEOUT)
+    own = samples.get(timeout=TIMEOUT)
     assert (bytes(sample.payload), str(sample.encoding)) == (bytes(own.payload), str(own.encoding))
     if key == ROS_KEY:
         assert Attachment.from_bytes(bytes(sample.attachment)).gid == gid_of_the_token(client)
@@ -80,7 +81,7 @@ def test_a_latched_message_of_a_tenant_waits_for_those_who_come_later(network, t
     kept = declare_advanced_subscriber(
         client.session, key, Callback(samples.put, indirect=False), history=HistoryConfig(detect_late_publishers=True)
     )
-    sample = samples.get(timeout=ANSWER_TIMEOUT)
+    sample = samples.get(timeout=TIMEOUT)
     assert b"hello" in bytes(sample.payload)
     if key == ROS_KEY:
         assert Attachment.from_bytes(bytes(sample.attachment)).gid == gid_of_the_token(client)
@@ -107,15 +108,15 @@ def test_a_link_that_is_full_of_what_a_tenant_publishes_loses_nothing_of_the_ser
         narrow_client.declare_subscriber(key, Callback(large.append, indirect=False)),
         narrow_client.declare_subscriber("small", Callback(small.put, indirect=False)),
     ]
-    assert matched.wait(ANSWER_TIMEOUT)
-    assert small_matched.wait(ANSWER_TIMEOUT)
+    assert matched.wait(TIMEOUT)
+    assert small_matched.wait(TIMEOUT)
     picture = String(data="x" * 1_000_000)
     for number in range(150):
         if number % 5 == 0:
             publisher.publish(picture)
         own.publish(String(data=str(number)))
         time.sleep(0.01)
-    heard = [String.from_cdr(small.get(timeout=ANSWER_TIMEOUT).payload.to_bytes()).data for _ in range(150)]
+    heard = [String.from_cdr(small.get(timeout=TIMEOUT).payload.to_bytes()).data for _ in range(150)]
     assert heard == [str(number) for number in range(150)]
     # The link was full.
     assert len(large) < 30
@@ -159,7 +160,7 @@ def test_the_rules_of_the_servers_file_do_not_silence_a_tenant_that_they_allow_t
     guest.insert_json5("transport/auth/usrpwd", '{user: "guest", password: "look"}')
     with zenoh.open(guest) as session:
         subscriber = session.declare_subscriber("told", Callback(samples.put, indirect=False))
-        assert matched.wait(ANSWER_TIMEOUT)
+        assert matched.wait(TIMEOUT)
         publisher.publish(String(data="hello"))
-        assert String.from_cdr(bytes(samples.get(timeout=ANSWER_TIMEOUT).payload)).data == "hello"
+        assert String.from_cdr(bytes(samples.get(timeout=TIMEOUT).payload)).data == "hello"
         subscriber.undeclare()

@@ -5,6 +5,7 @@ import threading
 
 import pytest
 import zenoh
+from waits import until
 from wire.ros_peer import (
     ANY_PORT,
     HEARTBEAT,
@@ -19,7 +20,6 @@ from wire.ros_peer import (
     Matched,
     request,
     tokens,
-    until,
 )
 from zenoh.handlers import Callback
 
@@ -105,7 +105,7 @@ def test_everything_comes_back_after_the_router_was_gone(opened, client_of):
     router.close()
     opened(open_network(SessionSettings(listen=(endpoint,)), "/router"))
     client = client_of(endpoint)
-    until(lambda: tokens(client) == before, within=15.0)
+    until(lambda: tokens(client) == before)
     assert len(before) == 3
     samples = client.listen(HEARTBEAT_KEY)
     matched.wait()

@@ -2,6 +2,7 @@
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.wire.network import open_network
@@ -14,8 +15,6 @@ from mjplug_schemas.rihs01 import type_description, type_hash
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_srvs import Trigger
 from mjplug_schemas.type_description_interfaces import GetTypeDescription
-
-TIMEOUT = 5.0
 
 
 @pytest.fixture

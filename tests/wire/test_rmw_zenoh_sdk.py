@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import zenoh
 from cli.process import Served
+from waits import TIMEOUT
 from wire.older_zenoh import python_with
 
 from mjplug.contracts.transport import CLOCK, DEFAULT, LATCHED, LATEST, ServiceName, Topic
@@ -31,7 +32,6 @@ from mjplug_schemas.std_msgs import String
 
 PEER = Path(__file__).parent / "sdk_peer.py"
 OLDER_PEER = Path(__file__).parent / "older_peer.py"
-TIMEOUT = 30.0
 
 OLDER = [pytest.param(version, marks=[pytest.mark.slow, pytest.mark.timeout(240)]) for version in ("1.9.0", "1.5.0")]
 """Versions of Zenoh that peers may have; the server itself needs 1.6."""

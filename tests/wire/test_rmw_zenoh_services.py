@@ -5,7 +5,8 @@ import time
 
 import pytest
 import zenoh
-from wire.ros_peer import TIMEOUT, TRIGGER_KEY, WHO, WRENCH_KEY, request
+from waits import TIMEOUT
+from wire.ros_peer import TRIGGER_KEY, WHO, WRENCH_KEY, request
 from zenoh.ext import Int64, z_serialize
 
 from mjplug.contracts.transport import ServiceName

@@ -5,7 +5,8 @@ import time
 
 import pytest
 import zenoh
-from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, TIMEOUT, WHO, Matched, tokens, until
+from waits import TIMEOUT, until
+from wire.ros_peer import HEARTBEAT, HEARTBEAT_KEY, WHO, Matched, tokens
 from zenoh.ext import HistoryConfig, RecoveryConfig, declare_advanced_publisher, declare_advanced_subscriber
 from zenoh.handlers import Callback
 

@@ -7,14 +7,13 @@ from contextlib import closing
 from types import SimpleNamespace
 
 import pytest
+from waits import TIMEOUT
 
 from mjplug.errors import WireError
 from mjplug.wire import router_watch
 from mjplug.wire.endpoints import on_free_port
 from mjplug.wire.router_watch import RouterWatch
 from mjplug.wire.session import SessionSettings, open_session
-
-TIMEOUT = 10.0
 
 
 class Info:

@@ -11,13 +11,12 @@ from collections import Counter
 
 import pytest
 import zenoh
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import ServiceName
 from mjplug.errors import WireError
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_srvs import Empty, SetBool, Trigger
-
-TIMEOUT = 5.0
 
 YES = SetBool.Response(success=True, message="yes")
 NO = SetBool.Response(success=False, message="no")

@@ -5,6 +5,7 @@ import logging
 import queue
 
 import pytest
+from waits import TIMEOUT
 
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
 from mjplug.wire.discovery.answers import Listing, ServiceEntry, TopicEntry
@@ -15,8 +16,6 @@ from mjplug_schemas.rcl_interfaces import Log
 from mjplug_schemas.rosgraph_msgs import Clock
 from mjplug_schemas.std_srvs import Trigger
 from mjplug_schemas.tf2_msgs import TFMessage
-
-TIMEOUT = 20.0
 
 
 def declared(published=(), subscribed=(), services=(), name="/mjplug"):

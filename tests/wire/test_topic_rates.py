@@ -3,13 +3,12 @@
 import threading
 
 import pytest
+from waits import TIMEOUT
 
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import DEFAULT, LATCHED, Topic
 from mjplug.wire.topic_rates import TopicRates
 from mjplug_schemas.std_msgs import Float64
-
-TIMEOUT = 5.0
 
 
 def test_the_rates_of_topics_with_subscribers_are_reported(network, client):

@@ -7,6 +7,7 @@ import threading
 
 import pytest
 import zenoh
+from waits import TIMEOUT, until
 from zenoh.ext import HistoryConfig, declare_advanced_publisher, declare_advanced_subscriber
 
 from mjplug.contracts.cdr_frame import CdrFrame
@@ -15,8 +16,6 @@ from mjplug.errors import WireError
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64, String
-
-TIMEOUT = 5.0
 
 HELLO = String(data="hello")
 HELLO_CDR = b"\0\1\0\0\x06\0\0\0hello\0"
@@ -37,16 +36,6 @@ class Matches:
 
     def is_exhausted(self):
         return not self._calls.acquire(blocking=False)
-
-
-def until(condition):
-    """Waits for a condition that is not reported by an event."""
-    pause = threading.Event()
-    for _ in range(int(TIMEOUT / 0.005)):
-        if condition():
-            return
-        pause.wait(0.005)
-    raise AssertionError("it did not happen")
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ import time
 import mujoco
 import pytest
 from conftest import ARM
+from waits import TIMEOUT
 from wire.conftest import ANY_PORT, Client
 
 from mjplug.contracts.transport import DEFAULT, Topic
@@ -16,9 +17,6 @@ from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.session import SessionSettings
 from mjplug.worker.pool import ProcessWorkerPool
 from mjplug_schemas.sensor_msgs import JointState
-
-STARTING = 30.0
-"""How long a process may take to start on a machine with other work [s]."""
 
 
 class Ordered:
@@ -46,7 +44,7 @@ class Ordered:
     def status(self):
         return self.worker.status
 
-    def wait(self, enough, within=STARTING):
+    def wait(self, enough, within=TIMEOUT):
         """Runs posted calls, as the loop would, until there is enough."""
         until = time.monotonic() + within
         while not enough():

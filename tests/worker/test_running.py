@@ -13,7 +13,8 @@ from queue import Empty
 import mujoco
 import numpy as np
 import pytest
-from wire.conftest import ANSWER_TIMEOUT, Client
+from waits import TIMEOUT, until
+from wire.conftest import Client
 from worker import works
 from worker.conftest import Ordered
 
@@ -62,18 +63,18 @@ def test_a_state_becomes_a_message_on_every_key_of_the_topic(server, client):
     assert (job.time_ns, job.epoch, job.tasks) == (50_000_000, 0, {"a", "b"})
     assert qpos == server.simulation.data.qpos.tolist()
 
-    sample = plain.get(timeout=ANSWER_TIMEOUT)
+    sample = plain.get(timeout=TIMEOUT)
     message = JointState.from_cdr(bytes(sample.payload))
     assert str(sample.encoding) == "application/cdr;sensor_msgs/msg/JointState"
     position, poses = expected(server.simulation)
     assert (list(message.position), list(message.velocity)) == (position, poses)
     assert message.header.stamp.nanosec == 50_000_000
     assert list(message.effort) == [server.simulation.data.time]
-    assert json.loads(bytes(text.get(timeout=ANSWER_TIMEOUT).payload))["name"] == ["a", "b"]
+    assert json.loads(bytes(text.get(timeout=TIMEOUT).payload))["name"] == ["a", "b"]
 
-    sample = ros.get(timeout=ANSWER_TIMEOUT)
+    sample = ros.get(timeout=TIMEOUT)
     assert bytes(sample.payload) == message.to_cdr()
-    (token,) = client.session.liveliness().get("@ros2_lv/0/*/*/*/MP/*/*/*/%told/**", timeout=ANSWER_TIMEOUT)
+    (token,) = client.session.liveliness().get("@ros2_lv/0/*/*/*/MP/*/*/*/%told/**", timeout=TIMEOUT)
     attachment = Attachment.from_bytes(bytes(sample.attachment))
     assert attachment.gid == gid(str(token.ok.key_expr))
     assert attachment.sequence_number == 1
@@ -83,7 +84,7 @@ def test_a_server_that_is_a_client_itself_has_its_processes_on_the_same_network(
     samples = client.listen("told")
     client.settle()
     guest.order(works.Tells()).wait_for_ready().perform("a")
-    assert JointState.from_cdr(bytes(samples.get(timeout=ANSWER_TIMEOUT).payload)).name == ("a",)
+    assert JointState.from_cdr(bytes(samples.get(timeout=TIMEOUT).payload)).name == ("a",)
 
 
 def test_subscribers_can_start_and_stop_at_any_time(server, client):
@@ -94,7 +95,7 @@ def test_subscribers_can_start_and_stop_at_any_time(server, client):
         server.step()
         # On a busy machine, the worker process may miss the first messages before it sees the subscriber, and the last
         # message of the round before may come late.
-        names, until = [], time.monotonic() + ANSWER_TIMEOUT
+        names, until = [], time.monotonic() + TIMEOUT
         while (str(n),) not in names:
             assert time.monotonic() < until, names
             told.perform(str(n))
@@ -102,7 +103,7 @@ def test_subscribers_can_start_and_stop_at_any_time(server, client):
                 names.append(JointState.from_cdr(bytes(samples.get(timeout=0.1).payload)).name)
         assert set(names) <= {(str(n - 1),), (str(n),)}
         client._kept.pop().undeclare()
-        until = time.monotonic() + ANSWER_TIMEOUT
+        until = time.monotonic() + TIMEOUT
         while told.publisher.matched and time.monotonic() < until:
             client.call("mjplug/interfaces?subscribed=told")
         assert not told.publisher.matched
@@ -121,7 +122,7 @@ def test_a_large_message_arrives_whole(server, client):
     told = server.order(works.Fills(1_000_000)).wait_for_ready()
     for n in range(5):
         told.perform(str(n))
-        message = JointState.from_cdr(bytes(samples.get(timeout=ANSWER_TIMEOUT).payload))
+        message = JointState.from_cdr(bytes(samples.get(timeout=TIMEOUT).payload))
         assert message.name == ("x" * 1_000_000, str(n))
 
 
@@ -154,7 +155,7 @@ def test_in_lockstep_every_step_has_its_message(server, client):
         server.step()
         told.submit_in_lockstep("a")
         states.append((server.simulation.time_ns, server.simulation.data.qpos.tolist()))
-    messages = [JointState.from_cdr(bytes(samples.get(timeout=ANSWER_TIMEOUT).payload)) for _ in states]
+    messages = [JointState.from_cdr(bytes(samples.get(timeout=TIMEOUT).payload)) for _ in states]
     assert [(m.header.stamp.sec * 10**9 + m.header.stamp.nanosec, list(m.position)) for m in messages] == states
     assert samples.empty()
     assert [job.time_ns for job, _ in told.done] == [time_ns for time_ns, _ in states]
@@ -172,7 +173,7 @@ def test_a_subscriber_right_before_an_answered_job_gets_its_message(server):
             before = len(told.done)
             told.submit([f"task {number}"], answered=True)
             told.wait(lambda before=before: len(told.done) > before)
-            message = JointState.from_cdr(bytes(samples.get(timeout=ANSWER_TIMEOUT).payload))
+            message = JointState.from_cdr(bytes(samples.get(timeout=TIMEOUT).payload))
             assert list(message.name) == [f"task {number}"]
         finally:
             latecomer.close()
@@ -249,10 +250,7 @@ def test_a_stopped_worker_ends_its_process_and_another_one_can_start(server):
     pid = int(ordered.ready[0].removeprefix("process "))
     assert pid in children()
     ordered.worker.stop()
-    until = time.monotonic() + 30.0
-    while pid in children():
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: pid not in children())
     again = Ordered(server, works.Tells(), DEFAULT).wait_for_ready()
     assert again.perform("there")[1][0] == expected(server.simulation)[0]
 
@@ -261,8 +259,5 @@ def test_a_worker_that_is_stopped_before_it_is_ready_ends_too(server):
     before = set(children())
     ordered = server.order(works.Tells(), save_later=True)
     ordered.worker.stop()
-    until = time.monotonic() + 30.0
-    while server.workers.running:
-        assert time.monotonic() < until
-        time.sleep(0.02)
+    until(lambda: not server.workers.running)
     assert set(children()) == before

@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import time
 import uuid
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import mujoco
 import pytest
 from cli.client import Client
 from cli.process import STARTING, Served, run
+from waits import until
 
 WORLD = Path(__file__).parent / "world"
 OF_A_TERMINAL = (
@@ -53,13 +53,6 @@ def workers(mark):
     return found
 
 
-def wait_until_gone(mark, within):
-    until = time.monotonic() + within
-    while workers(mark):
-        assert time.monotonic() < until, f"worker processes {workers(mark)} are left"
-        time.sleep(0.01)
-
-
 def test_a_plugin_of_the_configurations_folder_has_its_work_done_in_a_process(serve, mark):
     server = serve("--paused", "--plugin", "teller:Teller:teller", env=mark)
     with Client(server.endpoint) as client:
@@ -100,7 +93,7 @@ def test_a_server_that_is_killed_takes_its_processes_with_it(serve, mark):
     server.err.wait_for("teller: worker", STARTING)
     assert len(workers(mark)) == 1
     server.process.kill()
-    wait_until_gone(mark, within=1.0)
+    until(lambda: not workers(mark))
 
 
 def test_a_plugin_that_refuses_leaves_no_process(mark):

@@ -3,6 +3,7 @@
 import pytest
 from view.interface import live
 from view.interface.toys import OTHER, TOYS
+from waits import TIMEOUT
 
 
 @pytest.fixture(scope="package")
@@ -46,7 +47,7 @@ def open_page(browser, running):
         context = browser.new_context(
             viewport={"width": size[0], "height": size[1]}, bypass_csp=True, color_scheme="dark", **options
         )
-        context.set_default_timeout(1000 * live.ANSWER_TIMEOUT)
+        context.set_default_timeout(1000 * TIMEOUT)
         page = context.new_page()
         errors, requests = [], []
         page.on("pageerror", lambda error: errors.append(error.stack))

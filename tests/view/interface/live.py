@@ -4,28 +4,15 @@ import json
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import warm_python
 from cli.process import COMMAND, STARTING, Lines, Served, environment
+from waits import TIMEOUT
 
 from mjplug.client import connect
 
-ANSWER_TIMEOUT = 60.0
-"""Maximum time until something is seen on a page; drawing without a graphics card is slow [s]."""
-
 STATES = ("--plugin", "free_joint_state_publisher:states")
-
-
-def until(condition, within=ANSWER_TIMEOUT):
-    """Returns the first value of `condition` that is true."""
-    end = time.monotonic() + within
-    while True:
-        if value := condition():
-            return value
-        assert time.monotonic() < end, f"still {value!r} after {within} s"
-        time.sleep(0.02)
 
 
 class View:
@@ -81,7 +68,7 @@ class Simulation:
         if self._states is None:
             self._client.wait_for("/states/free_joint_states")
             self._states = self._client.subscribe("/states/free_joint_states", depth=1)
-        (state,) = self._states.next(timeout=ANSWER_TIMEOUT).free_joints
+        (state,) = self._states.next(timeout=TIMEOUT).free_joints
         return vector(state.pose.pose.position), vector(state.twist.twist.linear)
 
 
@@ -102,4 +89,4 @@ def kill_by_argument(text):
     return killed
 
 
-__all__ = ["STATES", "Served", "Simulation", "View", "kill_by_argument", "until"]
+__all__ = ["STATES", "Served", "Simulation", "View", "kill_by_argument"]

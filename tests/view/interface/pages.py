@@ -1,9 +1,9 @@
 """What tests read from a page and do on it."""
 
+import waits
 from playwright.sync_api import expect
-from view.interface.live import ANSWER_TIMEOUT
 
-TIMEOUT = 1000 * ANSWER_TIMEOUT
+TIMEOUT = 1000 * waits.TIMEOUT
 
 
 def state(page, text):

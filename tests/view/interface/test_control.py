@@ -3,8 +3,8 @@
 import pytest
 from playwright.sync_api import expect
 from view.interface.conftest import shown
-from view.interface.live import until
 from view.interface.pages import TIMEOUT, button, state
+from waits import until
 
 pytestmark = pytest.mark.slow
 

@@ -6,8 +6,8 @@ import pytest
 from view.conftest import ARGUMENTS, CHROMIUM
 from view.interface import live
 from view.interface.conftest import shown
-from view.interface.live import until
 from view.interface.pages import button, point, select, selected, wait
+from waits import TIMEOUT, until
 
 pytestmark = pytest.mark.slow
 
@@ -113,7 +113,7 @@ def test_a_browser_that_is_killed_during_a_drag_lets_go(simulation, playwright, 
         tmp_path / "profile", executable_path=CHROMIUM, args=list(ARGUMENTS),
         viewport={"width": 800, "height": 500}, bypass_csp=True,
     )  # fmt: skip
-    context.set_default_timeout(1000 * live.ANSWER_TIMEOUT)
+    context.set_default_timeout(1000 * TIMEOUT)
     page = context.pages[0]
     page.goto(running[1].url)
     shown(page)

@@ -6,8 +6,8 @@ import pytest
 from playwright.sync_api import expect
 from view.interface import live
 from view.interface.conftest import shown
-from view.interface.live import until
 from view.interface.pages import TIMEOUT, button, select, selected, state, wait
+from waits import until
 
 pytestmark = pytest.mark.slow
 

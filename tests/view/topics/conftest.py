@@ -4,6 +4,7 @@ import pytest
 from view.interface import live
 from view.interface.conftest import shown
 from view.topics.robot import CONFIG, XML, Robot
+from waits import TIMEOUT
 
 
 @pytest.fixture(scope="package")
@@ -38,7 +39,7 @@ def open_page(browser, running):
     def open_page(size=(1000, 700), chromium=browser, url=running[1].url, **options):
         # Playwright evaluates text, which the page's own policy forbids.
         context = chromium.new_context(viewport={"width": size[0], "height": size[1]}, bypass_csp=True, **options)
-        context.set_default_timeout(1000 * live.ANSWER_TIMEOUT)
+        context.set_default_timeout(1000 * TIMEOUT)
         page = context.new_page()
         errors = []
         page.on("pageerror", lambda error: errors.append(error.stack))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import zenoh
-from view.interface.live import ANSWER_TIMEOUT, until
+from waits import TIMEOUT, until
 
 from mjplug.client import connect
 
@@ -90,7 +90,7 @@ class Robot:
             self._latest[topic] = self.client.subscribe(topic, depth=1)
         subscription = self._latest[topic]
         seen = subscription.latest()
-        while (message := subscription.next(timeout=ANSWER_TIMEOUT)) is seen:
+        while (message := subscription.next(timeout=TIMEOUT)) is seen:
             pass
         return message
 

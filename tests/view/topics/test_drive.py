@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 from view.conftest import ARGUMENTS, CHROMIUM
-from view.interface.live import ANSWER_TIMEOUT, View, kill_by_argument, until
+from view.interface.live import View, kill_by_argument
 from view.topics.robot import open_panel
+from waits import TIMEOUT, until
 
 from mjplug_schemas.geometry_msgs import Twist
 
@@ -136,7 +137,7 @@ def test_a_push_moves_the_body(robot, page):
     before = robot.body("box")[0]
     panel.get_by_role("button", name="Push").click()
     until(lambda: robot.body("box")[0][1] < before[1] - 0.1)
-    expect(panel.get_by_text("applied")).to_be_visible(timeout=1000 * ANSWER_TIMEOUT)
+    expect(panel.get_by_text("applied")).to_be_visible(timeout=1000 * TIMEOUT)
     assert abs(robot.body("box")[0][0] - before[0]) < 0.05
 
 

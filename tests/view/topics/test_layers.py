@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from playwright.sync_api import expect
-from view.interface.live import ANSWER_TIMEOUT, until
 from view.topics.robot import drawn, open_panel, points, show, status
+from waits import TIMEOUT, until
 
 from mjplug_schemas.geometry_msgs import Twist, Vector3
 
@@ -146,7 +146,7 @@ def test_a_camera_shows_its_picture_with_time_and_rate(robot, open_page, size):
         page.get_by_role("button", name="Show the panels").click()
     show(page, "/front/image")
     image = page.locator(".picture-image")
-    expect(image).to_be_visible(timeout=1000 * ANSWER_TIMEOUT)
+    expect(image).to_be_visible(timeout=1000 * TIMEOUT)
     until(lambda: page.evaluate("document.querySelector('.picture-image').naturalWidth") > 0)
     found = page.evaluate(COLOURS)
     assert found["size"] == [320, 240]

@@ -5,8 +5,8 @@ import io
 
 import pytest
 from playwright.sync_api import expect
-from view.interface.live import ANSWER_TIMEOUT, until
 from view.topics.robot import open_panel
+from waits import TIMEOUT, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -56,14 +56,14 @@ def test_a_plot_and_its_csv_contain_every_sample_of_the_server(robot, page):
 def test_a_plot_shows_units_survives_a_reload_and_ends_its_subscription(robot, page):
     add_plot(page, "/odom", "pose.pose.position.x")
     legend = page.locator(".plot-chart .u-legend")
-    expect(legend).to_contain_text("pose.pose.position.x", timeout=1000 * ANSWER_TIMEOUT)
+    expect(legend).to_contain_text("pose.pose.position.x", timeout=1000 * TIMEOUT)
     until(lambda: robot.subscribed("odom"))
     page.reload()
-    expect(legend).to_contain_text("pose.pose.position.x", timeout=1000 * ANSWER_TIMEOUT)
+    expect(legend).to_contain_text("pose.pose.position.x", timeout=1000 * TIMEOUT)
     until(lambda: len(saved(page)) > 10)
     canvas = page.locator(".plot-chart .u-over").bounding_box()
     page.mouse.move(canvas["x"] + 0.8 * canvas["width"], canvas["y"] + 0.5 * canvas["height"])
-    expect(legend).to_contain_text(" m", timeout=1000 * ANSWER_TIMEOUT)
+    expect(legend).to_contain_text(" m", timeout=1000 * TIMEOUT)
     page.get_by_role("button", name="Close /odom pose.pose.position.x").click()
     until(lambda: not robot.subscribed("odom"))
     page.reload()
