@@ -4,6 +4,7 @@ The rules were tuned on 21 robots: a position servo holds its pose, and a step o
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from xml.etree.ElementTree import SubElement
 
@@ -154,8 +155,16 @@ class DriveRules:
         return effort
 
 
-def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], report: Report) -> None:
-    """Adds the actuators, and the dynamics of the joints."""
+def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], controlled: Collection[str], report: Report) -> None:
+    """Adds the actuators, and the dynamics of the joints.
+
+    Args:
+        mjcf: The model.
+        robot: The robot.
+        drives: The drives.
+        controlled: Joints with motors that PIDs control.
+        report: The report.
+    """
     section = mjcf.section("actuator")
     compensating = False
     for drive in drives:
@@ -188,7 +197,7 @@ def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], report: Report) 
             values = ""
         detail = ", ".join(filter(None, (values, f"armature {drive.armature:.3g}")))
         report.add("guess", f"{drive.kind} actuator", drive.joint, detail)
-        if drive.kind == "motor":
+        if drive.kind == "motor" and drive.joint not in controlled:
             report.add(
                 "warning",
                 "motors as the URDF says, which do not hold a pose; --actuators position replaces them",

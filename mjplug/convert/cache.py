@@ -1,5 +1,6 @@
 """Converted robots of earlier runs. A robot is converted again if its files, the options or the versions change."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -15,6 +16,7 @@ import mujoco
 from mjplug.convert.conversion import Conversion
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.options import ConversionOptions
+from mjplug.convert.pid_gains import gains_files
 from mjplug.convert.record import FORMAT, RECORD
 from mjplug.convert.source import Source
 from mjplug.errors import ModelError
@@ -49,6 +51,10 @@ def key_of(source: Source, options: ConversionOptions, packages: Packages) -> st
     for name in (options.srdf, options.scene, *options.mujoco_inputs):
         if name and Path(name).is_file():
             add(name, Path(name).read_bytes())
+    finder = MeshFiles(source.path.absolute().parent, packages)
+    for name in gains_files(source.root):
+        with contextlib.suppress(ModelError, OSError):
+            add(name, finder.find(name).read_bytes())
     for uri, path in _meshes(source, packages):
         add(uri, b"missing" if path is None else path.read_bytes())
         if path is not None and path.suffix.lower() != ".stl":

@@ -1,14 +1,16 @@
 """The configuration of a server for a converted robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
 from mjplug.convert.inputs import Lidar
+from mjplug.convert.pid_gains import Gains
 from mjplug.convert.robot import Robot
 from mjplug.convert.scene import HOME, SCENE_FILE
 from mjplug.convert.sensors import SensorWriter
+from mjplug.convert.transmissions import Transmission
 from mjplug.convert.wheels import DriveTrain
 
 
@@ -22,6 +24,8 @@ class Configuration:
         train: Its differential drive.
         sensors: Its sensors.
         scans: Lidars that consist of rangefinders.
+        transmissions: Its transmissions.
+        gains: PID gains of its joints and actuators.
     """
 
     robot: Robot
@@ -29,6 +33,8 @@ class Configuration:
     train: DriveTrain | None
     sensors: SensorWriter
     scans: list[Lidar]
+    transmissions: list[Transmission] = field(default_factory=list)
+    gains: Gains = field(default_factory=dict)
 
     def plugins(self) -> dict[str, dict[str, Any]]:
         """Returns the plugin instances by name."""
@@ -42,6 +48,19 @@ class Configuration:
             "transforms": {"type": "transforms"},
             "robot_description": {"type": "robot_description", "file": "robot.urdf"},
         }
+        if self.gains:
+            hold = {"hold_at_start": True} if "position" in self.gains else {}
+            result["joint_commands"] |= {"pid_gains": self.gains} | hold
+        if self.transmissions:
+            transmissions = {found.name: found.parameters() for found in self.transmissions}
+            result["joint_commands"]["transmissions"] = transmissions
+            result["actuator_states"] = {
+                "type": "joint_state_publisher",
+                "topic": "{ns}/mujoco_actuators_states",
+                "order": "actuators",
+                "side": "actuators",
+                "transmissions": transmissions,
+            }
         if self.free and self.train is not None:
             root = self.robot.root
             result["transforms"]["roots"] = [root]
@@ -81,7 +100,7 @@ class Configuration:
         return {"model": SCENE_FILE, "sim": {"keyframe": HOME}, "plugins": self.plugins()}
 
     def text(self) -> str:
-        """Returns the configuration as YAML."""
+        """Returns the configuration as YAML; what two plugins have in common is an alias in it."""
         comment = "# mjplug serve mjplug.yaml\n"
         return comment + yaml.safe_dump(self.content(), sort_keys=False, default_flow_style=None, width=120)
 

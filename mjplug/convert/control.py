@@ -4,8 +4,11 @@ from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element
 
+from mjplug.convert.mesh_files import MeshFiles
+from mjplug.convert.pid_gains import Gains, controlled_joints, read_gains
 from mjplug.convert.report import Report
 from mjplug.convert.robot import Robot
+from mjplug.convert.transmissions import Transmission, read_transmissions
 
 ActuatorKind = Literal["position", "velocity", "motor"]
 
@@ -27,7 +30,9 @@ class Control:
         kinds: The kind of actuator of each driven joint.
         named: Joints that the URDF names, also the passive ones.
         initial: Initial positions [rad, m].
-        reductions: Mechanical reductions of simple transmissions other than 1.
+        transmissions: The transmissions of `<ros2_control>`.
+        gains: PID gains of joints and actuators.
+        controlled: Joints with motors that PIDs control.
         sensors: The `<sensor>` elements of `<ros2_control>`.
     """
 
@@ -35,7 +40,9 @@ class Control:
     kinds: dict[str, ActuatorKind] = field(default_factory=dict)
     named: set[str] = field(default_factory=set)
     initial: dict[str, float] = field(default_factory=dict)
-    reductions: dict[str, float] = field(default_factory=dict)
+    transmissions: list[Transmission] = field(default_factory=list)
+    gains: Gains = field(default_factory=dict)
+    controlled: set[str] = field(default_factory=set)
     sensors: list[Element] = field(default_factory=list)
 
     def is_passive(self, joint: str) -> bool:
@@ -45,16 +52,32 @@ class Control:
         return self.source != "some transmissions" or joint in self.named
 
 
-def read_control(root: Element, robot: Robot, report: Report) -> Control:
-    """Reads `<ros2_control>`, or without one `<transmission>`."""
+def read_control(root: Element, robot: Robot, files: MeshFiles, strict: bool, report: Report) -> Control:
+    """Reads `<ros2_control>`, or without one the `<transmission>` elements of ROS 1.
+
+    Args:
+        root: The `<robot>`.
+        robot: The robot.
+        files: Finds the parameter files of PID gains.
+        strict: Whether a missing file is an error.
+        report: Gets notes.
+
+    Raises:
+        ModelError: A transmission or a gain is invalid.
+    """
     control = Control()
     for system in root.iterfind("ros2_control"):
         control.sensors += system.findall("sensor")
         for element in system.iterfind("joint"):
             _read_joint(element, robot, control, report)
-    for transmission in root.iterfind(".//transmission"):
+    for transmission in root.iterfind("transmission"):
         _read_transmission(transmission, robot, control, report)
     _complete(robot, control)
+    control.transmissions = read_transmissions(root.iterfind("ros2_control"), robot, report)
+    control.gains = read_gains(root, files, strict, report)
+    controlled = controlled_joints(control.gains, root, control.transmissions)
+    control.controlled = {name for name in controlled if name in control.kinds}
+    control.kinds |= dict.fromkeys(control.controlled, "motor")
     return control
 
 
@@ -74,7 +97,9 @@ def _read_joint(element: Element, robot: Robot, control: Control, report: Report
     commands = [found.get("name", "") for found in element.findall("command_interface")]
     if commands:
         control.source = "ros2_control"
-    kind = next((_KINDS[wanted] for wanted in _KINDS if wanted in commands), None)
+    # Older hardware interfaces mark commands for PIDs by a suffix.
+    plain = [command.lower().removesuffix("_pid") for command in commands]
+    kind = next((_KINDS[wanted] for wanted in _KINDS if wanted in plain), None)
     if kind is not None and robot.joints[name].mimic is None:
         control.kinds[name] = kind
     elif commands and kind is None:
@@ -116,14 +141,13 @@ def _read_transmission(element: Element, robot: Robot, control: Control, report:
             if kind is not None and robot.joints[name].mimic is None:
                 control.kinds.setdefault(name, kind)
         for reduction in (*joint.findall("mechanical_reduction"), *element.findall("actuator/mechanical_reduction")):
-            _note_reduction(name, reduction.text, control, report)
+            _note_reduction(name, reduction.text, report)
 
 
-def _note_reduction(name: str, text: str | None, control: Control, report: Report) -> None:
+def _note_reduction(name: str, text: str | None, report: Report) -> None:
     try:
         value = float(text or "1")
     except ValueError:
         return
     if value != 1.0:
-        control.reductions[name] = value
         report.add("loss", "mechanical reduction; commands and states are those of the joint", name, f"{value:g}")

@@ -24,6 +24,7 @@ from mjplug.convert.mesh_assets import MeshAssets
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.mjcf import Mjcf
 from mjplug.convert.options import ConversionOptions
+from mjplug.convert.pid_gains import used_gains
 from mjplug.convert.placement import placement
 from mjplug.convert.read_urdf import read_robot
 from mjplug.convert.record import RECORD, counts_of, digest, record_of
@@ -113,9 +114,9 @@ class _Pipeline:
         for warning in source.warnings:
             self.report.add("warning", "file", source.path.name, warning)
         self.robot: Robot = read_robot(source.root, self.report)
-        self.control = read_control(source.root, self.robot, self.report)
         self.gazebo = read_gazebo(source.root, self.robot, self.report)
         self.finder = MeshFiles(source.path.absolute().parent, packages)
+        self.control = read_control(source.root, self.robot, self.finder, options.strict, self.report)
         self.materials = Materials(self.report)
         self.inputs = read_inputs(source.root, options.mujoco_inputs)
         decomposer = Decomposer(decompositions, self.report)
@@ -167,7 +168,9 @@ class _Pipeline:
         model = _from_text(scene.text(), {**files, **assets})
         check_model(robot, model, fused=options.fuse)
         files[DESCRIPTION] = self._description()
-        configuration = Configuration(robot, free, train, sensors, self.inputs.lidars)
+        control = self.control
+        gains = used_gains(control.gains, mjcf, control.transmissions)
+        configuration = Configuration(robot, free, train, sensors, self.inputs.lidars, control.transmissions, gains)
         files[CONFIGURATION] = configuration.text().encode()
         files |= assets
         counts = counts_of(robot, model, drives, len(self.meshes.files))
@@ -242,7 +245,7 @@ class _Pipeline:
         radius = largest_radius(robot, model, data, self.wheels, lowest_points(robot, model, data))
         rules = DriveRules(robot, self.control, options, self.wheels, measured, mass, floats, radius, report)
         drives = rules.drives()
-        write_drives(mjcf, robot, drives, report)
+        write_drives(mjcf, robot, drives, self.control.controlled, report)
         write_excludes(mjcf, robot, options, measured.touching, disabled, report)
         if floats and self.wheels:
             lowest = {

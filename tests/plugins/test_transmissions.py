@@ -332,6 +332,20 @@ def test_a_direct_effort_ends_the_pids_and_the_next_position_starts_them_again()
     assert abs(at) < 0.1
 
 
+def test_pids_of_joints_and_of_their_actuators_never_run_together():
+    gains = PIDS | {"velocity": {name: {"p": 3.0} for name in JOINTS}}
+    world = world_of(PLAIN, robot("motor"), pid_gains=gains)
+    velocities, positions = world.plugin._joints.banks
+    command(world, JOINTS, velocity=[0.5, 0.5])
+    assert (velocities.count, positions.count) == (2, 0)
+    assert world.data.ctrl[:2] == pytest.approx([1.5, 1.5], rel=0.1)
+    command(world, JOINTS, position=[0.1, 0.0])
+    assert (velocities.count, positions.count) == (0, 2)
+    command(world, ACTUATORS, velocity=[1.0, 1.0])
+    assert (velocities.count, positions.count) == (2, 0)
+    assert velocities.setpoint == pytest.approx(joints_of(PLAIN, (1.0, 1.0), "velocity"))
+
+
 def test_gains_of_derived_pids_change_at_run_time():
     world = world_of(PLAIN, robot("motor"), pid_gains=PIDS)
     gains, pids = world.plugin._joints.gains["position.actuator1"]

@@ -46,7 +46,8 @@ class DerivedSide:
             PluginError: Only one of two coupled actuators has gains.
         """
         outputs: list[dict[Interface, list[Output]]] = [{} for _ in relation.derived]
-        own: list[list[PidOutput]] = [[] for _ in relation.derived]
+        existing = [pid for others in pids for pid in others]
+        own: list[list[PidOutput]] = [list(existing) for _ in relation.derived]
         efforts = DerivedEfforts(
             relation,
             [[out for out in drive.outputs.get("effort", ()) if isinstance(out, DirectOutput)] for drive in real],
