@@ -81,7 +81,7 @@ def serve(
         str | None,
         typer.Option(
             metavar="NAME|FILE",
-            help="Scene for a URDF or xacro file: floor, tabletop, obstacles, none, or an MJCF file.",
+            help="Scene around the robot: floor, tabletop, obstacles, none, or an MJCF file.",
         ),
     ] = None,
     duration: Annotated[

@@ -70,7 +70,7 @@ def load_model(
     Args:
         uri: A path, `package://pkg/path` or `bundled:NAME`.
         folders: Folders in which a relative path is searched, in this order; then the current folder is searched.
-        options: Options for a URDF or xacro file.
+        options: Options for a URDF or xacro file; `scene` also for MJCF files.
         environ: Environment variables for the search of ROS packages, and for the place of the cache.
         progress: Is called while a robot is converted.
         done: Gets the report after a conversion.
@@ -79,7 +79,16 @@ def load_model(
         ModelError: The model does not exist, or cannot be converted or compiled.
     """
     robot = converted_robot(uri, *folders, options=options, environ=environ, progress=progress, done=done)
-    return load_file(uri, *folders, environ=environ) if robot is None else robot.load()
+    if robot is not None:
+        return robot.load()
+    if options is None or options.raw or not options.scene or is_description(uri):
+        return load_file(uri, *folders, environ=environ)
+    # Imported here, because most models need no scene.
+    from mjplug.convert.mjcf_scene import model_in_scene  # noqa: PLC0415
+
+    path = locate(uri, folders, environ)
+    alone = load_file(str(path))
+    return replace(alone, model=model_in_scene(path, options.scene))
 
 
 def converted_robot(

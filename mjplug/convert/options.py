@@ -67,8 +67,8 @@ class ConversionOptions(BaseModel):
     )
     scene: str = Field(
         "",
-        description="Scene: `floor`, `tabletop`, `obstacles`, `none`, or an MJCF file; empty: that of "
-        "`<mujoco_inputs>`, else `floor`.",
+        description="Scene: `floor`, `tabletop`, `obstacles`, `none`, or an MJCF file; also for MJCF models. Empty: "
+        "that of `<mujoco_inputs>`, else `floor`; MJCF models are simulated as they are.",
     )
     mujoco_inputs: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="Files with `<mujoco_inputs>` of mujoco_ros2_control."

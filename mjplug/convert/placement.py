@@ -5,7 +5,7 @@ import numpy as np
 
 from mjplug.convert.measure import lowest_points
 from mjplug.convert.robot import Robot
-from mjplug.convert.scene import Placement
+from mjplug.convert.scene import Placement, corners_of
 
 
 def placement(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, free: bool) -> Placement:
@@ -24,7 +24,7 @@ def placement(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData, free: bo
     lowest = lowest_points(robot, model, data)
     moving = {name: value for name, value in lowest.items() if name not in fixed}
     hangs = not free and bool(moving) and len(moving) == len(lowest)
-    corners = _corners(model, data)
+    corners = corners_of(model, data, range(model.ngeom))
     low, high = corners.min(axis=0), corners.max(axis=0)
     center = (low + high) / 2.0
     return Placement(
@@ -49,11 +49,3 @@ def _reach(model: mujoco.MjModel) -> float:
         reach[body] = reach[model.body_parentid[body]] + np.linalg.norm(model.body_pos[body]) + sum(slides)
     geoms = reach[model.geom_bodyid] + np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
     return float(geoms.max(initial=0.0))
-
-
-def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Returns points that enclose all geoms, shape (n, 3) [m]."""
-    reach = model.geom_rbound[:, None]
-    if not len(reach):
-        return np.zeros((1, 3))
-    return np.concatenate([data.geom_xpos - reach, data.geom_xpos + reach])

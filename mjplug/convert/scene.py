@@ -1,5 +1,6 @@
 """Puts a robot into a scene: one of the library, or an MJCF file of the user."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -26,6 +27,9 @@ _DISTANCE = 0.35
 
 _FILES = ("mesh", "texture", "hfield", "skin", "model")
 _MIN_EXTENT = 0.8
+
+_CLEARANCE = 0.001
+"""Distance of the floor from the lowest link of a robot that hangs down [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +100,16 @@ def build_scene(name: str, robot: str, place: Placement, taken: set[str], given:
         return scene
     path = Path(name)
     if not path.is_file():
-        known = [*scene_names(), NONE]
-        raise ModelError(
-            f"there is no scene {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}, or an MJCF file"
-        )
+        raise unknown_scene(name)
     return _from_file(path, taken)
+
+
+def unknown_scene(name: str) -> ModelError:
+    """Returns the error for a scene that is neither in the library nor a file."""
+    known = [*scene_names(), NONE]
+    return ModelError(
+        f"there is no scene {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}, or an MJCF file"
+    )
 
 
 def write_home(root: Element, model: mujoco.MjModel, qpos: np.ndarray, ctrl: np.ndarray) -> None:
@@ -122,20 +131,9 @@ def _include(root: Element) -> None:
 
 
 def _bundled(name: str, robot: str, place: Placement) -> Scene:
-    root = ElementTree.fromstring((_library() / f"{name}.xml").read_text(encoding="utf-8"))
+    root = bundled_scene(name, place)
     root.set("model", robot)
     _include(root)
-    offset = np.zeros(3)
-    if name == "tabletop":
-        edge, height = _TABLE
-        # A fixed robot is mounted on the table, a free one stands in front of it.
-        offset = np.array([place.front + _DISTANCE - edge, 0.0, 0.0]) if place.free else np.array([0.0, 0.0, -height])
-    if not place.free and place.lowest < 0.0:
-        offset = offset + (0.0, 0.0, place.lowest - 0.001)
-    world = root.find("worldbody")
-    for element in () if world is None else world:
-        position = np.array([float(part) for part in element.get("pos", "0 0 0").split()])
-        element.set("pos", numbers(position + offset))
     if name != "obstacles":
         center, extent = np.array(place.center), max(place.extent, _MIN_EXTENT)
         if name == "tabletop":
@@ -144,6 +142,37 @@ def _bundled(name: str, robot: str, place: Placement) -> Scene:
         statistic = {"center": numbers(center, 3), "extent": numbers([extent], 3)}
         root.append(Element("statistic", statistic))
     return Scene(root)
+
+
+def bundled_scene(name: str, place: Placement, floor: float | None = None) -> Element:
+    """Returns a scene of the library, moved to where the robot stands.
+
+    Args:
+        name: Its name.
+        place: Where the robot stands.
+        floor: Height of the surface on which the robot stands; None if it is at zero, or below its lowest link [m].
+    """
+    root = ElementTree.fromstring((_library() / f"{name}.xml").read_text(encoding="utf-8"))
+    offset = np.array([0.0, 0.0, floor or 0.0])
+    if name == "tabletop":
+        edge, height = _TABLE
+        # A fixed robot is mounted on the table, a free one stands in front of it.
+        offset += (place.front + _DISTANCE - edge, 0.0, 0.0) if place.free else (0.0, 0.0, -height)
+    if floor is None and not place.free and place.lowest < 0.0:
+        offset[2] += place.lowest - _CLEARANCE
+    world = root.find("worldbody")
+    for element in () if world is None else world:
+        position = np.array([float(part) for part in element.get("pos", "0 0 0").split()])
+        element.set("pos", numbers(position + offset))
+    return root
+
+
+def corners_of(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int]) -> np.ndarray:
+    """Returns points that enclose some geoms, shape (n, 3); the origin without geoms [m]."""
+    if not geoms:
+        return np.zeros((1, 3))
+    reach, centers = model.geom_rbound[list(geoms)][:, None], data.geom_xpos[list(geoms)]
+    return np.concatenate([centers - reach, centers + reach])
 
 
 def _from_file(path: Path, taken: set[str]) -> Scene:

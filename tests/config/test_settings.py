@@ -27,6 +27,7 @@ def test_defaults_are_those_of_the_documentation():
             "mujoco_inputs": (),
             "fuse": False,
             "sites": False,
+            "up_axis": "ignore",
             "max_faces": 20_000,
             "strict": False,
         },
