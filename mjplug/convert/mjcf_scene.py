@@ -70,7 +70,8 @@ def _compiled(path: Path, scene: str, left_out: set[str]) -> mujoco.MjModel:
     floor = _remove_surroundings(spec)
     if scene != NONE:
         _attach(spec, scene, place, floor, left_out)
-    return spec.compile()
+    model: mujoco.MjModel = spec.compile()
+    return model
 
 
 def _attach(spec: mujoco.MjSpec, name: str, place: Placement, floor: _Floor, left_out: set[str]) -> None:
@@ -104,7 +105,8 @@ def _overlapping(model: mujoco.MjModel) -> set[str]:
         if key >= 0:
             mujoco.mj_resetDataKeyframe(model, data, key)
         mujoco.mj_forward(model, data)
-        for contact in data.contact:
+        for index in range(data.ncon):
+            contact = data.contact[index]
             names = [_object(model, int(geom)) for geom in contact.geom]
             of_scene = [name.startswith(PREFIX) for name in names]
             if contact.dist < -_OVERLAP and of_scene[0] != of_scene[1]:
