@@ -74,7 +74,17 @@ class Configuration:
             if self.train.slips:
                 result["diff_drive"]["wheel_separation_multiplier"] = self.train.multiplier
         result |= self._sensor_plugins()
+        self._add_frames(result["transforms"])
         return result
+
+    def _add_frames(self, transforms: dict[str, Any]) -> None:
+        """Adds the sites of lidars to the frames; by default, only sites of MuJoCo's sensors are frames."""
+        own = {lidar["site"] for lidar in self.sensors.lidars.values()} - set(self.robot.links)
+        if own:
+            section = self.sensors.mjcf.section("sensor")
+            measured = {element.get("site", element.get("objname", "")) for element in section}
+            replicated = {lidar.sensor for lidar in self.scans}
+            transforms["sites"] = sorted((own | measured) - replicated - set(self.robot.links) - {""})
 
     def _sensor_plugins(self) -> dict[str, dict[str, Any]]:
         mjcf, sensors = self.sensors.mjcf, self.sensors
@@ -83,16 +93,20 @@ class Configuration:
         rays = [element for element in mjcf.section("sensor") if element.get("site") in scans]
         single = [element for element in mjcf.section("sensor") if element not in rays]
         if single:
-            result["sensors"] = {"type": "sensors"} | {name: {"rate": rate} for name, rate in sensors.rates.items()}
+            result["sensors"] = {"type": "sensors"} | {name: given for name, given in sensors.settings.items() if given}
         if rays:
             named = {ray.get("name", ""): scans[ray.get("site", "")] for ray in rays if ray.get("name")}
+            several = len(named) + _flat_count(sensors.lidars) > 1
             result["rangefinder_lidar"] = {"type": "rangefinder_lidar"} | {
-                name: _scan(lidar) | sensors.scans.get(name, {}) for name, lidar in named.items()
+                name: _scan(lidar)
+                | ({"laserscan_topic": f"{{ns}}/{name}/scan"} if several else {})
+                | sensors.scans.get(name, {})
+                for name, lidar in named.items()
             }
         if next(mjcf.root.iter("camera"), None) is not None:
             result["camera"] = {"type": "camera"} | {name: given for name, given in sensors.cameras.items() if given}
         if sensors.lidars:
-            result["lidar"] = {"type": "lidar"} | _with_topics(sensors.lidars)
+            result["lidar"] = {"type": "lidar"} | _with_topics(sensors.lidars, len(rays) > 0)
         return result
 
     def content(self) -> dict[str, Any]:
@@ -115,10 +129,20 @@ def _scan(lidar: Lidar) -> dict[str, Any]:
     }
 
 
-def _with_topics(lidars: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Adds topics if several lidars would publish on the same one."""
+def _flat_count(lidars: dict[str, dict[str, Any]]) -> int:
+    return sum(lidar["resolution"][1] == 1 for lidar in lidars.values())
+
+
+def _with_topics(lidars: dict[str, dict[str, Any]], others: bool) -> dict[str, dict[str, Any]]:
+    """Adds topics if several lidars would publish on the same one.
+
+    Args:
+        lidars: Parameters of the plugin `lidar` by lidar.
+        others: Whether lidars that consist of rangefinders publish scans too.
+    """
     flat = [name for name, lidar in lidars.items() if lidar["resolution"][1] == 1]
     deep = [name for name in lidars if name not in flat]
-    topics = {name: f"{{ns}}/{name}/scan" for name in flat if len(flat) > 1}
+    topics = {name: f"{{ns}}/{name}/scan" for name in flat if len(flat) + others > 1}
     topics |= {name: f"{{ns}}/{name}/points" for name in deep if len(deep) > 1}
+    topics = {name: topic for name, topic in topics.items() if "topic" not in lidars[name]}
     return {name: lidar | ({"topic": topics[name]} if name in topics else {}) for name, lidar in lidars.items()}

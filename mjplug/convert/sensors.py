@@ -12,6 +12,7 @@ from mjplug.convert.mjcf import Mjcf
 from mjplug.convert.read_urdf import floats
 from mjplug.convert.report import Report
 from mjplug.convert.rotations import IDENTITY, Array, numbers, pose, pose_attributes
+from mjplug.convert.sensor_names import camera_topics, frame_of, topic_of
 
 _CAMERAS = ("camera", "depth", "depth_camera", "rgbd", "rgbd_camera", "wideanglecamera", "multicamera")
 _LIDARS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
@@ -31,7 +32,7 @@ class SensorWriter:
         report: The report.
         cameras: Parameters of the plugin `camera` by camera.
         lidars: Parameters of the plugin `lidar` by lidar.
-        rates: Rates of the plugin `sensors` by sensor [Hz].
+        settings: Parameters of the plugin `sensors` by sensor.
         scans: Parameters of the plugin `rangefinder_lidar` by lidar.
     """
 
@@ -39,7 +40,7 @@ class SensorWriter:
     report: Report
     cameras: dict[str, dict[str, Any]] = field(default_factory=dict)
     lidars: dict[str, dict[str, Any]] = field(default_factory=dict)
-    rates: dict[str, float] = field(default_factory=dict)
+    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
     scans: dict[str, dict[str, Any]] = field(default_factory=dict)
     _names: set[str] = field(default_factory=set)
 
@@ -50,14 +51,23 @@ class SensorWriter:
             name = free_name(element.get("name") or kind, self._names)
             place = _pose_of(element, name)
             rate = _number(element, "update_rate", 0.0)
+            frame, unknown = frame_of(element, self.mjcf.bodies)
+            if unknown:
+                self.report.add("loss", "frame of a sensor that is not a link; its own frame is used", name, unknown)
             if kind in _CAMERAS and element.find("camera") is not None:
-                self._add_camera(link, name, place, element, rate)
+                given = {"publish_rate": rate, "frame_name": frame} | camera_topics(element, kind)
+                self._add_camera(link, name, place, element)
+                self.cameras[name] = {key: value for key, value in given.items() if value}
             elif kind in _LIDARS:
                 self._add_lidar(link, name, place, element, rate)
+                if name in self.lidars:
+                    given = {"topic": topic_of(element), "frame_name": frame}
+                    self.lidars[name] |= {key: value for key, value in given.items() if value}
             elif kind in ("imu", "force_torque", "magnetometer"):
                 self._add_sensor({"force_torque": "fts"}.get(kind, kind), name, self._site(link, name, place))
-                if rate:
-                    self.rates[name] = rate
+                given = {"rate": rate, "topic": topic_of(element), "frame_id": frame}
+                self.settings[name] = {key: value for key, value in given.items() if value}
+                self._note_convention(element, name)
             else:
                 self.report.add("loss", "Gazebo sensor without a counterpart", name, kind)
 
@@ -90,6 +100,14 @@ class SensorWriter:
             else:
                 self._add_sensor(kind, name, self._site(frame, name, IDENTITY))
 
+    def _note_convention(self, element: Element, name: str) -> None:
+        for path, default in (("force_torque/frame", "child"), ("force_torque/measure_direction", "child_to_parent")):
+            given = (element.findtext(path) or default).strip()
+            if given != default:
+                self.report.add(
+                    "loss", f"<{path.partition('/')[2]}> of a force-torque sensor; {default} is used", name, given
+                )
+
     def _site(self, link: str, name: str, place: Array) -> str:
         """Returns the site of a sensor: that of the link, or one with the name of the sensor if its pose differs."""
         body = self.mjcf.bodies[link]
@@ -114,7 +132,7 @@ class SensorWriter:
         else:
             SubElement(section, "magnetometer", name=name, site=site)
 
-    def _add_camera(self, link: str, name: str, place: Array, element: Element, rate: float) -> None:
+    def _add_camera(self, link: str, name: str, place: Array, element: Element) -> None:
         width, height = (
             int(_number(element, f"camera/image/{part}", size)) for part, size in (("width", 640), ("height", 480))
         )
@@ -124,7 +142,6 @@ class SensorWriter:
         turned[:3, :3] = place[:3, :3] @ _FORWARD
         attributes = {"name": name, "fovy": numbers([math.degrees(vertical)], 6), "resolution": f"{width} {height}"}
         self.mjcf.bodies[link].append(Element("camera", attributes | pose_attributes(turned)))
-        self.cameras[name] = {"publish_rate": rate} if rate else {}
 
     def _add_lidar(self, link: str, name: str, place: Array, element: Element, rate: float) -> None:
         scan = element.find("ray") if element.find("ray") is not None else element.find("lidar")
@@ -175,5 +192,5 @@ def _angles(scan: Element, direction: str, samples: int) -> tuple[int, tuple[flo
     """Returns the number of rays in a direction, and the angles of the first and the last one [rad]."""
     path = f"scan/{direction}"
     count = int(_number(scan, f"{path}/samples", samples) * _number(scan, f"{path}/resolution", 1.0))
-    default = math.pi if direction == "horizontal" else 0.0
-    return max(count, 1), (_number(scan, f"{path}/min_angle", -default), _number(scan, f"{path}/max_angle", default))
+    low, high = (-math.pi, math.pi) if direction == "horizontal" else (0.0, 0.0)
+    return max(count, 1), (_number(scan, f"{path}/min_angle", low), _number(scan, f"{path}/max_angle", high))

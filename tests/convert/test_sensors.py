@@ -115,3 +115,58 @@ def test_sensors_of_ros2_control(tmp_path):
         "imu_accel", "imu_gyro", "imu_quat", "tcp_force", "tcp_torque", "where_pos", "where_quat", "north",
     ]  # fmt: skip
     assert {subject for _, subject in notes(conversion, "loss")} == {"lost", "odd"}
+
+
+IMAGE = "<camera><image><width>8</width><height>8</height></image>{}</camera>"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "plugin", "wanted"),
+    [
+        ('name="s" type="ray"><topic>front</topic><ray/>', "lidar", {"topic": "{ns}/front"}),
+        ('name="s" type="gpu_lidar"><topic>/abs</topic><lidar/>', "lidar", {"topic": "/abs"}),
+        (
+            'name="s" type="ray"><ray/><plugin><ros><remapping>~/out:=laser</remapping></ros>'
+            "<frame_name>caster</frame_name></plugin>",
+            "lidar",
+            {"topic": "{ns}/laser", "frame_name": "caster"},
+        ),
+        ('name="s" type="imu"><topic>imu/data</topic>', "sensors", {"topic": "{ns}/imu/data"}),
+        ('name="s" type="imu"><gz_frame_id>caster</gz_frame_id>', "sensors", {"frame_id": "caster"}),
+        (
+            f'name="s" type="camera"><topic>cam/image</topic>{IMAGE.format("")}',
+            "camera",
+            {"image_topic": "{ns}/cam/image", "info_topic": "{ns}/cam/camera_info"},
+        ),
+        (
+            f'name="s" type="depth_camera"><topic>cam/depth</topic>'
+            f"{IMAGE.format('<camera_info_topic>cam/i</camera_info_topic>')}",
+            "camera",
+            {"depth_topic": "{ns}/cam/depth", "info_topic": "{ns}/cam/i"},
+        ),
+        (
+            f'name="s" type="rgbd_camera"><topic>rgbd</topic>{IMAGE.format("")}',
+            "camera",
+            {
+                "image_topic": "{ns}/rgbd/image",
+                "depth_topic": "{ns}/rgbd/depth_image",
+                "info_topic": "{ns}/rgbd/camera_info",
+            },
+        ),
+    ],
+)
+def test_topics_and_frames_of_gazebo_are_kept(tmp_path, sensor, plugin, wanted):
+    conversion, _ = converted(tmp_path, with_sensor(ROVER, sensor))
+    given = plugins(conversion)[plugin]["s"]
+    assert {key: value for key, value in given.items() if key in wanted or "topic" in key or "frame" in key} == wanted
+
+
+def test_frames_and_conventions_that_are_not_followed_are_reported(tmp_path):
+    more = "<force_torque><frame>sensor</frame><measure_direction>parent_to_child</measure_direction></force_torque>"
+    sensor = f'name="s" type="force_torque"><gz_frame_id>nothing</gz_frame_id>{more}'
+    conversion, _ = converted(tmp_path, with_sensor(ARM, sensor, "elbow"))
+    assert notes(conversion, "loss") == [
+        ("frame of a sensor that is not a link; its own frame is used", "s"),
+        ("<frame> of a force-torque sensor; child is used", "s"),
+        ("<measure_direction> of a force-torque sensor; child_to_parent is used", "s"),
+    ]
