@@ -37,9 +37,6 @@ WALL_TIMER_PERIOD = 1.0
 _MAX_BATCH_STEPS = 10_000
 """Maximum number of steps in a batch."""
 
-_MAX_BATCHES = 100
-"""Maximum number of batches of a goal in one `turn`."""
-
 R = TypeVar("R", bound=Request)
 
 
@@ -109,6 +106,7 @@ class Loop:
         self.end_of_time = simulation.time.steps_covering(MAX_SIMULATED_TIME * 1_000_000_000 + 1) - 1
         self.last_step = self.end_of_time
         self._stopping = False
+        self._taking_goals = False
         self._batch = 1
         self._idle_at = 0.0
         self._second_at = 0.0
@@ -188,6 +186,23 @@ class Loop:
         for callback in self.on_reset:
             callback()
 
+    def take_goals(self) -> None:
+        """Takes steps for the goals at once instead of in the next `turn`, for about `MAX_BATCH_TIME`.
+
+        A handler that has added a goal may call this: if the steps are few, its goal has then ended already. `turn`
+        takes the remaining steps.
+        """
+        if self._taking_goals or self._stopping or self.lockstep or not self.paused:
+            return
+        # Calls that were posted before this one may have changed the state.
+        self.simulation.mark_poses_outdated()
+        try:
+            self._run_due()
+            self._take_goal_steps()
+        except MjplugError as error:
+            # This is not the fault of the request, so it ends `run`.
+            self.fail(error)
+
     def stop(self) -> None:
         """Ends `run` at the next boundary. May be called on the loop's thread or through the inbox."""
         self._stopping = True
@@ -241,7 +256,7 @@ class Loop:
                 self._wait(self._wall_due - now)
         elif self.paused:
             if self.goals:
-                self._take_goals(now + MAX_BATCH_TIME)
+                self._take_goal_steps()
             elif not polled:
                 self._idle(now)
         elif self.pacer.speed == "max":
@@ -299,7 +314,8 @@ class Loop:
         if self.lockstep:
             # A worker process still works on the state of this boundary; goals that end here are answered after it.
             return
-        if self.goals and self.goals.next_target <= step and not self.goals.begin_next_part():
+        goal = self.goals.first
+        if goal is not None and goal.target <= step and not goal.begin_next_part():
             # Before the response, so that a client that gets it already has the new time.
             for callback in self.on_stepped:
                 callback()
@@ -319,25 +335,32 @@ class Loop:
                 )
             )
 
-    def _take_goals(self, until: float) -> None:
-        """Takes one batch of steps for the first goal. If it has several parts, which may be short, takes more batches.
+    def _take_goal_steps(self) -> None:
+        """Takes a batch of steps for the first goal, and more batches if it has several parts, which may be short.
 
-        Args:
-            until: Wall time at which no further batch is started [s]; a posted call ends the batches too.
+        Ends after about `MAX_BATCH_TIME`, or when a call is posted.
         """
-        goals, nothing_posted = self.goals, self.inbox.empty
-        for _ in range(_MAX_BATCHES):
-            if not self._take_batch(goals.next_target):
-                return
-            if not goals.in_parts or self.lockstep or self._stopping or not self.paused:
-                return
-            if not nothing_posted() or perf_counter() >= until:
-                return
+        simulation, goals, nothing_posted = self.simulation, self.goals, self.inbox.empty
+        goal, first, busy, began = goals.first, simulation.step, 0.0, perf_counter()
+        if goal is None:
+            return
+        until = began + MAX_BATCH_TIME
+        self._taking_goals = True
+        try:
+            while True:
+                divergence = self._advance(goal.target)
+                busy += perf_counter() - began
+                if not self._end_batch(divergence) or goals.first is not goal or not goal.in_parts:
+                    break
+                began = perf_counter()
+                if began >= until or self.lockstep or self._stopping or not nothing_posted():
+                    break
+        finally:
+            self._taking_goals = False
+        self._measure(simulation.step - first, busy)
 
     def _take_batch(self, target: int) -> bool:
         """Takes at most one batch of steps towards a step number, then runs what is due.
-
-        The next batch is longer or shorter, so that it takes about `MAX_BATCH_TIME`.
 
         Args:
             target: The step number after which no step is taken.
@@ -345,21 +368,35 @@ class Loop:
         Returns:
             False if a divergence paused the simulation or ended `run`, otherwise True.
         """
-        simulation, began = self.simulation, perf_counter()
-        first, target = simulation.step, min(target, self.last_step)
+        first, began = self.simulation.step, perf_counter()
+        divergence = self._advance(target)
+        self._measure(self.simulation.step - first, perf_counter() - began)
+        return self._end_batch(divergence)
+
+    def _advance(self, target: int) -> Divergence | None:
+        """Takes at most one batch of steps towards a step number."""
+        simulation = self.simulation
+        target = min(target, self.last_step, simulation.step + self._batch)
         if self.steppers.active:
-            divergence = self._step_with_updates(min(target, first + self._batch))
-        else:
-            steps = min(target, self.scheduler.next_due) - first
-            simulation.checkpoint()
-            divergence = simulation.advance(min(steps, self._batch))
-        taken = simulation.step - first
-        if taken:
-            elapsed = perf_counter() - began
-            per_step = elapsed / taken
-            self.timing.busy += elapsed
+            return self._step_with_updates(target)
+        simulation.checkpoint()
+        return simulation.advance(min(target, self.scheduler.next_due) - simulation.step)
+
+    def _measure(self, steps: int, seconds: float) -> None:
+        """Makes the next batch longer or shorter, so that it takes about `MAX_BATCH_TIME`.
+
+        Args:
+            steps: Number of steps taken.
+            seconds: Wall time that they took [s].
+        """
+        if steps > 0:
+            per_step = seconds / steps
+            self.timing.busy += seconds
             self.timing.step_times.append(per_step)
             self._batch = max(1, min(_MAX_BATCH_STEPS, int(MAX_BATCH_TIME / per_step), 2 * self._batch))
+
+    def _end_batch(self, divergence: Divergence | None) -> bool:
+        """Runs what is due after a batch; returns False if a divergence paused the simulation or ended `run`."""
         if divergence is not None and not self._recover(divergence):
             return False
         self._run_due()

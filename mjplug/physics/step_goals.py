@@ -13,6 +13,7 @@ class StepGoal:
         start: The step number from which the steps count.
         target: The step number at which the present part ends.
         last: The step number at which the last part ends.
+        in_parts: Whether there are several parts.
         ended: Set when the last part has ended, or the goal is cancelled.
         failure: Why the goal was cancelled; empty if it was not.
 
@@ -27,15 +28,11 @@ class StepGoal:
         self.start = start
         self.target = start + steps
         self.last = start + steps * parts
+        self.in_parts = parts > 1
         self._steps = steps
         self._between = between
         self.ended = Event()
         self.failure = ""
-
-    @property
-    def in_parts(self) -> bool:
-        """Whether there are several parts."""
-        return self.last - self.start > self._steps
 
     def begin_next_part(self) -> bool:
         """Begins the next part; returns False if the present part is the last one."""
@@ -53,23 +50,18 @@ class StepGoal:
 
 
 class StepGoals:
-    """A queue of goals: each one starts where the previous one ends."""
+    """A queue of goals: each one starts where the previous one ends.
+
+    Attributes:
+        first: The goal whose steps are taken now; None if there is none.
+    """
 
     def __init__(self) -> None:
-        self._goals: deque[StepGoal] = deque()
+        self.first: StepGoal | None = None
+        self._later: deque[StepGoal] = deque()
 
     def __bool__(self) -> bool:
-        return bool(self._goals)
-
-    @property
-    def next_target(self) -> int:
-        """Target of the present part of the first goal; there must be at least one goal."""
-        return self._goals[0].target
-
-    @property
-    def in_parts(self) -> bool:
-        """Whether the first goal has several parts; false without goals."""
-        return bool(self._goals) and self._goals[0].in_parts
+        return self.first is not None
 
     def add(self, step: int, steps: int, parts: int = 1, between: Callable[[], None] | None = None) -> StepGoal:
         """Adds a goal that starts after the last goal, or at `step` if there is none; returns it.
@@ -80,27 +72,33 @@ class StepGoals:
             parts: Number of parts.
             between: Called after each part but the last, before the next one begins.
         """
-        start = self._goals[-1].last if self._goals else step
-        goal = StepGoal(start, steps, parts, between)
-        self._goals.append(goal)
+        if self.first is None:
+            goal = self.first = StepGoal(step, steps, parts, between)
+        else:
+            goal = StepGoal((self._later or (self.first,))[-1].last, steps, parts, between)
+            self._later.append(goal)
         return goal
-
-    def begin_next_part(self) -> bool:
-        """Begins the next part of the first goal; returns False if its present part is the last one."""
-        return self._goals[0].begin_next_part()
 
     def end_reached(self, step: int) -> None:
         """Ends every goal whose last part ends at `step` or before."""
-        while self._goals and self._goals[0].last <= step:
-            self._goals.popleft().end()
+        while (goal := self.first) is not None and goal.last <= step:
+            self._drop_first()
+            goal.end()
 
     def remove(self, goal: StepGoal) -> None:
         """Removes a goal whose request has ended; later goals keep their targets."""
-        if goal in self._goals:
-            self._goals.remove(goal)
+        if goal is self.first:
+            self._drop_first()
+        elif goal in self._later:
+            self._later.remove(goal)
 
     def cancel(self, reason: str) -> None:
         """Cancels every goal with a reason."""
-        goals, self._goals = self._goals, deque()
+        goals = () if self.first is None else (self.first, *self._later)
+        self.first = None
+        self._later.clear()
         for goal in goals:
             goal.end(reason)
+
+    def _drop_first(self) -> None:
+        self.first = self._later.popleft() if self._later else None

@@ -350,6 +350,42 @@ def test_the_name_of_an_owner_is_checked(world, name):
     assert "it must have 1 to 64 English letters" in refusal(world, name)
 
 
+def test_few_steps_are_taken_before_calls_that_were_posted_after_the_request(world):
+    call = send(world, ctrl=[1.0, 0.0] * 3, observe=["qpos"])
+    seen = []
+    world.loop.inbox.post(lambda: seen.append((call.answered, world.simulation.step)))
+    world.loop.step(0)
+    # A posted call ends the batch, so at least the first of the three actions has been taken.
+    assert seen[0][1] >= 1
+    finish(world, call)
+    later = send(world)
+    world.loop.step(0)
+    assert later.answered
+    assert world.simulation.step == 4
+
+
+def test_thousands_of_requests_that_wait_are_answered_in_their_order(world):
+    token(world, "one")
+    first = send(world, "one", steps=1000)
+    world.loop.step(0)
+    assert not first.answered
+    # With and without steps, because those without end at once.
+    calls = [send(world, "one", steps=i % 2, observe=["qpos"]) for i in range(3000)]
+    finish(world, calls[-1], turns=10_000)
+    assert [call.response.step for call in calls] == [1000 + (i + 1) // 2 for i in range(3000)]
+
+
+def test_a_fatal_error_of_mujoco_during_the_steps_of_a_request_ends_the_server(world, monkeypatch):
+    def fail(*_):
+        raise mujoco.FatalError("the stack is full")
+
+    monkeypatch.setattr(mujoco, "mj_step", fail)
+    send(world)
+    world.loop.step(0)
+    assert world.loop.stopping
+    assert "the stack is full" in str(world.loop.failure)
+
+
 def test_the_steps_of_an_owner_that_leaves_end(world):
     token(world, "one")
     token(world, "two")

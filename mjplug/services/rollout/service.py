@@ -18,7 +18,7 @@ from mjplug.physics.memory import float_view
 from mjplug.physics.scheduler import Event, Wait
 from mjplug.plugin import Call, Host, Slow
 from mjplug.services.rollout.batch import Batch, Sequences, check_steps, widths
-from mjplug.services.stepping.actions import control_rows
+from mjplug.services.stepping.actions import checked_controls
 from mjplug.services.stepping.arrays import check_count
 from mjplug_schemas.mjplug_msgs import Rollout
 
@@ -146,12 +146,12 @@ def _controls(request: Any, nu: int) -> NDArray[np.float64]:
         raise RequestError("nbatch is 0; it must be at least 1")
     if not nu:
         raise RequestError("the model has no actuator, so all sequences would be equal")
-    rows = control_rows(request.ctrl, nu, f"{batch} * k")
-    if not len(rows) or len(rows) % batch:
+    values = np.asarray(checked_controls(request.ctrl, nu, f"{batch} * k"))
+    if not values.size or values.size % (batch * nu):
         raise RequestError(
-            f"ctrl has {len(rows) * nu} values; it must have {batch} * k * {nu} for {batch} sequences of k actions"
+            f"ctrl has {values.size} values; it must have {batch} * k * {nu} for {batch} sequences of k actions"
         )
-    return rows.reshape(batch, -1, nu)
+    return values.reshape(batch, -1, nu)
 
 
 def _message(sequences: Sequences, diverged: list[int]) -> str:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mjplug.errors import RequestError
+from mjplug.physics.memory import float_view
 
 MAX_ACTIONS = 1 << 17
 """Maximum number of actions in a request."""
@@ -15,36 +15,42 @@ _FEW = 16
 _LIMIT = float(mujoco.mjMAXVAL)
 
 
-def control_rows(ctrl: "Sequence[float] | memoryview[float]", nu: int, rows: str = "k") -> NDArray[np.float64]:
-    """Returns the controls of a request, shape (k, nu); k is 0 if there are none.
+def checked_controls(ctrl: "Sequence[float] | memoryview[float]", nu: int, rows: str = "k") -> "memoryview[float]":
+    """Returns the controls of a request, one row of nu numbers after the other, if they are valid.
 
     Args:
-        ctrl: k * nu numbers.
+        ctrl: k * nu numbers, or none. A read-only memoryview is not copied.
         nu: Number of actuators.
         rows: How the number of rows is called in error messages.
 
     Raises:
         RequestError: The number of values is not a multiple of nu, or a value is not finite or too large.
     """
+    if not isinstance(ctrl, memoryview) or not ctrl.readonly:
+        ctrl = float_view(np.array(ctrl, np.float64))
     count = len(ctrl)
-    if count == nu <= _FEW and count and all(-_LIMIT < value < _LIMIT for value in ctrl):
-        # One action of a few numbers, the most frequent request, is checked faster without numpy.
-        return np.array(ctrl, np.float64).reshape(1, nu)
-    values = np.asarray(ctrl, np.float64)
     if not count:
-        return np.empty((0, nu))
+        return ctrl
     if nu == 0:
-        raise RequestError(f"ctrl has {values.size} values, but the model has no actuator; leave ctrl empty")
-    if values.size % nu:
+        raise RequestError(f"ctrl has {count} values, but the model has no actuator; leave ctrl empty")
+    if count % nu:
+        raise RequestError(f"ctrl has {count} values; it must have {rows} * {nu}, because the model has {nu} actuators")
+    first = _first_invalid(ctrl)
+    if first is not None:
         raise RequestError(
-            f"ctrl has {values.size} values; it must have {rows} * {nu}, because the model has {nu} actuators"
-        )
-    # NaN fails the comparison too.
-    valid = np.abs(values) < _LIMIT
-    if not valid.all():
-        first = int(np.argmin(valid))
-        raise RequestError(
-            f"ctrl[{first}] is {values[first]:g} (row {first // nu}, actuator {first % nu}); it must be finite and its "
+            f"ctrl[{first}] is {ctrl[first]:g} (row {first // nu}, actuator {first % nu}); it must be finite and its "
             f"absolute value below {mujoco.mjMAXVAL:g}"
         )
-    return values.reshape(-1, nu)
+    return ctrl
+
+
+def _first_invalid(values: "memoryview[float]") -> int | None:
+    # NaN fails the comparisons too.
+    if len(values) <= _FEW:
+        # The controls of one action, the most frequent request, are checked faster without numpy.
+        for i, value in enumerate(values):
+            if not -_LIMIT < value < _LIMIT:
+                return i
+        return None
+    valid = np.abs(np.asarray(values)) < _LIMIT
+    return None if valid.all() else int(np.argmin(valid))

@@ -71,11 +71,13 @@ _KNOWN = Names(OBSERVABLE)
 
 
 class Observed:
-    """Some arrays of mjData, one after the other.
+    """Some arrays of mjData, one after the other, and the controls.
 
     Attributes:
         widths: Number of values of each array.
         width: Number of values of all arrays.
+        ctrl: The controls, to be written.
+        nu: Number of controls.
 
     Args:
         simulation: The model and its state.
@@ -92,6 +94,7 @@ class Observed:
             if name not in OBSERVABLE:
                 raise UnknownName("array in observe", name, _KNOWN)
         self._simulation = simulation
+        self.ctrl, self.nu = float_view(simulation.data.ctrl), simulation.model.nu
         arrays: list[NDArray[np.float64]] = [getattr(simulation.data, name) for name in names]
         self.widths = tuple(array.size for array in arrays)
         self.width = sum(self.widths)

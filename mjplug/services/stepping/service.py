@@ -1,18 +1,16 @@
 """Declares `~/step`: takes steps with controls and messages, and returns what they led to, in one request."""
 
-from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
-
-import numpy as np
 
 from mjplug.contracts.topics import Topics
 from mjplug.contracts.transport import BytesTransport
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
-from mjplug.physics.memory import float_view
+from mjplug.physics.scheduler import Event
 from mjplug.physics.step_goals import StepGoal
 from mjplug.plugin import Call, Host, Slow
-from mjplug.services.stepping.actions import MAX_ACTIONS, control_rows
+from mjplug.services.stepping.actions import MAX_ACTIONS, checked_controls
 from mjplug.services.stepping.arrays import Observed, check_count
 from mjplug.services.stepping.ownership import Ownership
 from mjplug.services.stepping.samples import Inputs, Outputs
@@ -52,26 +50,54 @@ def offer(host: Host, loop: Loop, transport: BytesTransport, topics: Topics, key
 
 
 class _Plan:
-    """A request that has been checked."""
+    """A request that has been checked, and its execution so far.
+
+    Attributes:
+        actions: Number of actions.
+        observed: The arrays that are observed after each action.
+        values: The values observed so far, one row for each action.
+        inputs: The messages to handle before the first step.
+        outputs: The topics whose samples are wanted.
+        begun: Whether the inputs have been handled.
+        goal: The steps; None before they have begun, and if there are none.
+    """
 
     def __init__(self, request: Any, form: str, loop: Loop, topics: Topics, observed: Observed) -> None:
-        simulation = loop.simulation
-        self.steps: int = request.steps
-        self.rows = control_rows(request.ctrl, simulation.model.nu)
-        self.actions = len(self.rows) or 1
-        if self.actions > MAX_ACTIONS:
-            raise RequestError(f"ctrl has {self.actions} rows; at most {MAX_ACTIONS} are accepted")
-        if not self.steps and self.actions > 1:
-            raise RequestError(f"steps is 0 with {self.actions} actions; it must be at least 1 with several actions")
-        last = simulation.step + self.steps * self.actions
-        if last > loop.last_step:
-            raise RequestError(
-                f"{self.actions} * {self.steps} steps would exceed the last possible step, {loop.last_step}"
-            )
+        nu = observed.nu
         self.observed = observed
-        check_count(observed.width * self.actions, form)
-        self.inputs = Inputs(topics, request.inputs)
-        self.outputs = Outputs(topics, request.outputs, form)
+        self._controls = checked_controls(request.ctrl, nu)
+        self._next_control = self._next_value = 0
+        self.actions = actions = len(self._controls) // nu if self._controls else 1
+        if actions > MAX_ACTIONS:
+            raise RequestError(f"ctrl has {actions} rows; at most {MAX_ACTIONS} are accepted")
+        self.steps: int = request.steps
+        if not self.steps and actions > 1:
+            raise RequestError(f"steps is 0 with {actions} actions; it must be at least 1 with several actions")
+        if loop.simulation.step + self.steps * actions > loop.last_step:
+            raise RequestError(f"{actions} * {self.steps} steps would exceed the last possible step, {loop.last_step}")
+        check_count(observed.width * actions, form)
+        self.inputs = Inputs(topics, request.inputs) if request.inputs else None
+        self.outputs = Outputs(topics, request.outputs, form) if request.outputs else None
+        self.values = memoryview(bytearray(8 * observed.width * actions)).cast("d")
+        self.begun = False
+        self.goal: StepGoal | None = None
+
+    def begin_action(self) -> None:
+        """Writes the next row of controls to `ctrl`, if there are any."""
+        if self._controls:
+            begin, self._next_control = self._next_control, self._next_control + self.observed.nu
+            self.observed.ctrl[:] = self._controls[begin : self._next_control]
+
+    def end_action(self) -> None:
+        """Adds a row with the present values of the observed arrays."""
+        if self.observed.width:
+            self.observed.copy_to(self.values, self._next_value)
+            self._next_value += self.observed.width
+
+    def next_action(self) -> None:
+        """Ends an action and begins the next one."""
+        self.end_action()
+        self.begin_action()
 
 
 class _Stepping:
@@ -83,30 +109,28 @@ class _Stepping:
         # The request whose steps are being taken, and the name of its client.
         self._goal: StepGoal | None = None
         self._client = ""
+        # Set when the newest request that could not be answered at once has ended; None if there is none.
+        self._last: Event | None = None
 
-    def step(self, request: Any, call: Call) -> Slow:
-        """Handles one request."""
-        loop, ownership = self._loop, self._ownership
-        client = ownership.name_in(call.parameters)
+    def step(self, request: Any, call: Call) -> Step.Response | Slow:
+        """Handles one request: at once if its steps take little time, otherwise as a slow service."""
+        client = self._ownership.name_in(call.parameters)
         self._check_turn(client)
-        plan = _Plan(request, call.form, loop, self._topics, self._observe(tuple(request.observe)))
-        if client and not ownership.is_present(client):
-            yield ownership.appears(client)
-        while loop.goals:
-            # An earlier request of the same client.
-            self._check_turn(client)
-            assert self._goal is not None
-            yield self._goal.ended
-        self._check_turn(client)
-        ownership.claim(client)
-        with plan.outputs:
-            return (yield from self._run(plan, call, client))
+        plan = _Plan(request, call.form, self._loop, self._topics, self._observe(tuple(request.observe)))
+        if plan.outputs is None and self._last is None and self._is_present(client):
+            self._take(plan, client)
+            if self._goal is None:
+                return self._response(plan, call.form)
+        return self._in_turn(plan, call.form, client)
 
     def owner_left(self, name: str) -> None:
         """Cancels the steps of a client that has left."""
         if self._goal is not None and self._client == name:
             self._loop.goals.remove(self._goal)
             self._goal.end("the client that requested the steps has left")
+
+    def _is_present(self, client: str) -> bool:
+        return not client or self._ownership.is_present(client)
 
     def _check_turn(self, client: str) -> None:
         """Checks that the simulation is paused, and that no other client steps it.
@@ -130,40 +154,57 @@ class _Stepping:
             self._observed[names] = observed
         return observed
 
-    def _run(self, plan: _Plan, call: Call, client: str) -> Slow:
-        """Takes the steps and returns the response."""
-        loop, simulation, observed = self._loop, self._loop.simulation, plan.observed
-        plan.inputs.handle()
-        width = observed.width
-        values = np.empty(width * plan.actions)
-        record = _recorder(observed, float_view(values)) if width else _nothing
-        apply = _applier(plan.rows, simulation.data.ctrl) if len(plan.rows) else _nothing
-        apply()
-
-        def between() -> None:
-            record()
-            apply()
-
+    def _take(self, plan: _Plan, client: str) -> None:
+        """Handles the inputs and takes the steps, or begins to: `_goal` is then not None."""
+        self._ownership.claim(client)
+        plan.begun = True
+        if plan.inputs is not None:
+            plan.inputs.handle()
+        plan.begin_action()
         if plan.steps:
-            # A wait of an event costs nothing; the loop itself calls `between`.
-            goal = self._goal = loop.goals.add(simulation.step, plan.steps, plan.actions, between)
-            self._client = client
-            try:
-                yield goal.ended
-            finally:
-                loop.goals.remove(goal)
+            loop = self._loop
+            goal = plan.goal = loop.goals.add(loop.simulation.step, plan.steps, plan.actions, plan.next_action)
+            self._goal, self._client = goal, client
+            loop.take_goals()
+            if goal.ended.is_set:
                 self._goal = None
-            if goal.failure:
-                taken = max(0, simulation.step - goal.start)
-                raise RequestError(f"{goal.failure} ({taken} of {goal.last - goal.start} steps were taken)")
-        record()
-        yield from plan.outputs.fetch()
-        return self._response(plan, values, call)
 
-    def _response(self, plan: _Plan, values: Any, call: Call) -> Step.Response:
-        simulation = self._loop.simulation
+    def _in_turn(self, plan: _Plan, form: str, client: str) -> Slow:
+        """Waits until it is the request's turn, takes its steps and fetches its samples; returns the response."""
+        previous, ended = self._last, Event()
+        self._last = ended
+        try:
+            with plan.outputs or nullcontext():
+                if not plan.begun:
+                    if not self._is_present(client):
+                        yield self._ownership.appears(client)
+                    if previous is not None:
+                        # An earlier request of the same client.
+                        yield previous
+                    self._check_turn(client)
+                    self._take(plan, client)
+                if plan.goal is not None:
+                    try:
+                        yield plan.goal.ended
+                    finally:
+                        self._loop.goals.remove(plan.goal)
+                        self._goal = None
+                if plan.outputs is not None:
+                    yield from plan.outputs.fetch()
+                return self._response(plan, form)
+        finally:
+            if self._last is ended:
+                self._last = None
+            # Posted, because thousands of requests may wait, each for the one before it.
+            self._loop.inbox.post(ended.set)
+
+    def _response(self, plan: _Plan, form: str) -> Step.Response:
+        simulation, goal = self._loop.simulation, plan.goal
+        if goal is not None and goal.failure:
+            taken = max(0, simulation.step - goal.start)
+            raise RequestError(f"{goal.failure} ({taken} of {goal.last - goal.start} steps were taken)")
+        plan.end_action()
         seconds, nanoseconds = divmod(simulation.time_ns, 1_000_000_000)
-        observations: Any = tuple(values.tolist()) if call.form == "json" else float_view(values)
         # Not validated: that would take long for many numbers, and all values are known to be valid.
         return Step.Response.unchecked(
             success=True,
@@ -171,36 +212,7 @@ class _Stepping:
             step=simulation.step,
             stamp=Time.unchecked(sec=seconds, nanosec=nanoseconds),
             epoch=simulation.epoch,
-            observations=observations,
+            observations=tuple(plan.values) if form == "json" else plan.values,
             widths=plan.observed.widths,
-            outputs=plan.outputs.samples(),
+            outputs=() if plan.outputs is None else plan.outputs.samples(),
         )
-
-
-def _recorder(observed: Observed, rows: "memoryview[float]") -> Callable[[], None]:
-    """Returns a function that writes the present values into the next row."""
-    begin, width = 0, observed.width
-
-    def record() -> None:
-        nonlocal begin
-        observed.copy_to(rows, begin)
-        begin += width
-
-    return record
-
-
-def _applier(rows: Any, ctrl: Any) -> Callable[[], None]:
-    """Returns a function that writes the next row of controls to `ctrl`."""
-    begin, nu = 0, ctrl.size
-    source, target = rows.reshape(-1).data.cast("B").cast("d"), float_view(ctrl)
-
-    def apply() -> None:
-        nonlocal begin
-        target[:] = source[begin : begin + nu]
-        begin += nu
-
-    return apply
-
-
-def _nothing() -> None:
-    pass
