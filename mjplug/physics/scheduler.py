@@ -5,7 +5,7 @@ import itertools
 import logging
 from collections.abc import Callable, Generator, Mapping
 from fractions import Fraction
-from typing import Protocol
+from typing import Any, Protocol
 
 from mjplug.errors import RequestError, is_fault
 from mjplug.throttle import FailureLog
@@ -53,11 +53,14 @@ Wait = int | Event
 Slow = Generator[Wait, None, Message]
 """A service handler that takes simulated time. It yields waits and returns the response."""
 
+Running = Generator[Wait, None, Any]
+"""The generator of a service or of a goal of an action."""
+
 
 class Answer(Protocol):
     """Receives the outcome of a waiting request."""
 
-    def respond(self, response: Message) -> None:
+    def respond(self, response: Any) -> None:
         """Sends the response."""
 
     def refuse(self, reason: str) -> None:
@@ -176,6 +179,7 @@ class WaitingCall:
         owner: Key for `Scheduler.cancel`.
         done: Whether the request has been answered.
         running: Whether the handler runs now, further up in the call stack.
+        waits: Number of waits so far; a wake-up from an earlier wait is ignored.
 
     Args:
         generator: The service handler's generator.
@@ -184,20 +188,26 @@ class WaitingCall:
         failures: Logs exceptions of the handler.
     """
 
-    def __init__(self, generator: Slow, answer: Answer, owner: object, failures: FailureLog) -> None:
+    def __init__(self, generator: Running, answer: Answer, owner: object, failures: FailureLog) -> None:
         self.owner = owner
         self.done = False
         self.running = False
+        self.waits = 0
         self._failures = failures
         self._generator = generator
         self._answer = answer
 
-    def resume(self) -> Wait | None:
-        """Runs the handler to its next wait and returns the wait; None if the request has been answered."""
+    def resume(self, raised: Exception | None = None) -> Wait | None:
+        """Runs the handler to its next wait and returns the wait; None if the request has been answered.
+
+        Args:
+            raised: Raised in the handler, where it waits.
+        """
         self.running = True
+        self.waits += 1
         try:
             try:
-                wait: object = next(self._generator)
+                wait: object = next(self._generator) if raised is None else self._generator.throw(raised)
                 while not isinstance(wait, int | Event):
                     # Raised inside the handler, so that its `finally` blocks run.
                     wait = self._generator.throw(
@@ -294,11 +304,17 @@ class Scheduler:
             timer.due_after(step)
             self._push_timer(self._timers[timer], timer)
 
-    def start(self, generator: Slow, answer: Answer, owner: object = None) -> None:
+    def start(self, generator: Running, answer: Answer, owner: object = None) -> WaitingCall:
         """Runs a slow service to its first wait, and resumes it at each wait until it has answered."""
         call = WaitingCall(generator, answer, owner, self.failures)
         self._calls[call] = None
-        self._resume(call)
+        self._resume(call, 0)
+        return call
+
+    def interrupt(self, call: WaitingCall, error: Exception) -> None:
+        """Raises an exception in a handler, where it waits. If it runs or has ended, nothing happens."""
+        if not (call.done or call.running):
+            self._resume(call, call.waits, error)
 
     def run_due(self, step: int) -> None:
         """Runs everything that is due after `step` steps, ordered by due step, then by creation."""
@@ -361,19 +377,35 @@ class Scheduler:
         # Always the same function, because equal entries of the heap are compared by it.
         self._push(alarm.due, self._alarms[alarm], alarm.fire)
 
-    def _resume(self, call: WaitingCall) -> None:
+    def _wake_up(self, call: WaitingCall) -> Callable[..., None]:
+        """Returns the function that ends the present wait of a handler; its argument is ignored."""
+        waits = call.waits
+        return lambda *_: self._resume(call, waits)
+
+    def _resume(self, call: WaitingCall, waits: int, error: Exception | None = None) -> None:
+        """Runs a handler until it has to wait.
+
+        Args:
+            call: The call.
+            waits: The number of the wait that is over.
+            error: Raised in the handler.
+        """
+        if waits != call.waits:
+            # An exception has ended that wait.
+            return
         for _ in range(MAX_PAST_WAITS):
             # The call may have been closed while it waited.
-            wait = None if call.done else call.resume()
+            wait = None if call.done else call.resume(error)
+            error = None
             if wait is None:
                 self._calls.pop(call, None)
                 return
             if isinstance(wait, Event):
                 if not wait.is_set:
-                    wait.when_set(lambda: self._resume(call))
+                    wait.when_set(self._wake_up(call))
                     return
             elif wait > self._now():
-                self._push(wait, next(self._order), lambda _: self._resume(call))
+                self._push(wait, next(self._order), self._wake_up(call))
                 return
         self._calls.pop(call, None)
         reason = (

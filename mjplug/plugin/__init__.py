@@ -7,6 +7,8 @@ from mjplug.contracts.work import Job, Priority, UnavailableError, Work, Worker,
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
 from mjplug.physics.scheduler import Alarm, Event, Slow, Timer
 from mjplug.physics.velocity import VelocityHold
+from mjplug.plugin.action_server import ActionServer, GoalHandler, GoalRun
+from mjplug.plugin.goal import Goal, GoalCanceled, Outcome
 from mjplug.plugin.host import Host
 from mjplug.plugin.parameters import NestedParameters, OneOrMore, Parameters
 from mjplug.plugin.plugin import Plugin
@@ -16,17 +18,23 @@ __all__ = [
     "DEFAULT",
     "LATCHED",
     "LATEST",
+    "ActionServer",
     "Alarm",
     "Call",
     "CdrFrame",
     "Diagnosis",
     "Event",
+    "Goal",
+    "GoalCanceled",
+    "GoalHandler",
+    "GoalRun",
     "Host",
     "Job",
     "Level",
     "MjplugError",
     "NestedParameters",
     "OneOrMore",
+    "Outcome",
     "Parameters",
     "Plugin",
     "PluginError",

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from mjplug.contracts.actions import ActionTransport
 from mjplug.contracts.diagnostics import Diagnosis, Diagnostics, Level
 from mjplug.contracts.parameters import ChangeableParameters, ParameterGroup
 from mjplug.contracts.remote_samples import RemoteSamples
 from mjplug.contracts.topics import Topics
-from mjplug.contracts.transport import Publisher, Transport
+from mjplug.contracts.transport import Publisher
 from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work, Worker, WorkerPool, WorkerSpec
 from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.physics.loop import Loop
@@ -60,7 +61,7 @@ class Host(NodeView):
         self,
         name: str,
         loop: Loop,
-        transport: Transport,
+        transport: ActionTransport,
         resolve: Resolve,
         workers: WorkerPool,
         diagnostics: Diagnostics,

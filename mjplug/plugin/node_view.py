@@ -5,18 +5,21 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
 
+from mjplug.contracts.actions import ActionName, ActionTransport
 from mjplug.contracts.topics import PublishedTopic, ReadTopic, Sampler, Topics
-from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic, Transport
+from mjplug.contracts.transport import DEFAULT, LATEST, Call, Publisher, QoS, ServiceName, Topic
 from mjplug.errors import PluginError, RequestError
 from mjplug.log import INSTANCES
 from mjplug.log_scope import logger_of_server
 from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
 from mjplug.physics.scheduler import Alarm, Slow, Timer
+from mjplug.plugin.action_server import ActionServer, GoalHandler
 from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
 from mjplug.throttle import Throttle
+from mjplug_schemas.action import Action
 from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.message import Message, Service
 
@@ -56,7 +59,7 @@ class NodeView(WorldView):
         self,
         name: str,
         loop: Loop,
-        transport: Transport,
+        transport: ActionTransport,
         resolve: Resolve,
         disable_on_error: bool,
         model_file: Path | None,
@@ -206,6 +209,48 @@ class NodeView(WorldView):
 
         self._transport.open_service(
             ServiceName(self.full_name(name), type, packed), lambda call: self._loop.inbox.post(lambda: serve(call))
+        )
+
+    def create_action(
+        self,
+        type: type[Action],
+        name: str,
+        handler: GoalHandler,
+        on_abort: Callable[[str], Message] | None = None,
+    ) -> ActionServer:
+        """Declares an action.
+
+        Args:
+            type: Action class.
+            name: As for `create_publisher`.
+            handler: Called with the request and its `Goal`, through which it publishes feedback. It returns the
+                result, or it is a generator that yields the step numbers or events that it waits for and returns the
+                result.
+
+                To reject the goal, raise RequestError before the first wait and before anything is applied. A
+                RequestError after the first wait aborts the goal with this reason. To choose the outcome, return
+                `goal.succeeded(result)`, `goal.aborted(result)` or `goal.canceled(result)`.
+
+                When a client cancels the goal, GoalCanceled is raised where the generator waits. If it is not caught,
+                the goal is cancelled with a result with default values. The generator may catch it, wait for more
+                steps, and return a result. `finally` blocks run on completion, cancellation, reset and shutdown.
+            on_abort: Makes the result of a goal that the server aborts, from the reason: after a reset, a restored
+                state, a failure of the handler, and at the end. By default, a text field of the result, such as
+                `error_string`, contains the reason.
+
+        Raises:
+            PluginError: The name is not a valid ROS name.
+        """
+        return ActionServer(
+            self._loop,
+            self._transport,
+            ActionName(self.full_name(name), type),
+            handler,
+            self.now,
+            self.logger,
+            self._guard,
+            lambda: self._guard.disabled,
+            on_abort,
         )
 
     def create_timer(

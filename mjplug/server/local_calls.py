@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
-from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic, Transport
+from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers, ActionTransport
+from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic
 from mjplug.errors import UnknownName
 from mjplug.wakeup import Flag
 from mjplug_schemas.message import Message, Service
@@ -79,7 +80,7 @@ class LocalCalls:
         transport: Declares the publishers, subscribers and services.
     """
 
-    def __init__(self, transport: Transport) -> None:
+    def __init__(self, transport: ActionTransport) -> None:
         self._transport = transport
         self._services: dict[ServiceName, Callable[[Call], None]] = {}
 
@@ -95,6 +96,14 @@ class LocalCalls:
         """Declares a service, and stores its callback for `send`."""
         self._transport.open_service(service, deliver)
         self._services[service] = deliver
+
+    def open_action(self, action: ActionName, callbacks: ActionCallbacks) -> ActionPublishers:
+        """Declares an action, and stores the callbacks of its services for `send`."""
+        publishers = self._transport.open_action(action, callbacks)
+        self._services[action.send_goal] = callbacks.send_goal
+        self._services[action.cancel_goal] = callbacks.cancel_goal
+        self._services[action.get_result] = callbacks.get_result
+        return publishers
 
     def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> BytesPublisher:
         """Declares a publisher of bytes."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import BytesQuery, Call, ServiceName, Topic
 from mjplug.contracts.work import WorkerSpec, WorkerStatus
@@ -53,6 +54,11 @@ class OfflineTransport:
     def open_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> None:
         """Records the service."""
         self.services.append(service)
+
+    def open_action(self, action: ActionName, callbacks: ActionCallbacks) -> ActionPublishers:
+        """Records the services and topics of the action."""
+        self.services += action.services
+        return ActionPublishers(*map(self.open_publisher, action.topics))
 
     def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> OfflinePublisher:
         """Returns a publisher without subscribers."""

@@ -10,10 +10,10 @@ from typing import Any
 from mjplug import __version__
 from mjplug.config.instance_names import InstanceNames, instance_names, server_names
 from mjplug.config.settings import Settings
+from mjplug.contracts.actions import ActionTransport
 from mjplug.contracts.diagnostics import Diagnostics
 from mjplug.contracts.parameters import ChangeableParameters
 from mjplug.contracts.topics import Topics
-from mjplug.contracts.transport import Transport
 from mjplug.contracts.work import WorkerPool
 from mjplug.errors import MjplugError, PluginError, is_fault
 from mjplug.physics import process
@@ -69,7 +69,7 @@ class Server:
         self,
         settings: Settings,
         simulation: Simulation,
-        transport: Transport,
+        transport: ActionTransport,
         plugins: Sequence[Selected],
         workers: WorkerPool,
         model_file: Path | None = None,

@@ -7,6 +7,7 @@ uses `mjplug.open_server`, or the pytest fixture `mjplug_server`.
 from typing import TYPE_CHECKING
 
 __all__ = [
+    "FakeGoal",
     "FakePublisher",
     "FakeTransport",
     "InlineWorker",
@@ -18,12 +19,14 @@ __all__ = [
 
 if TYPE_CHECKING:
     from mjplug.server.local_calls import LocalCall
+    from mjplug.testing.goals import FakeGoal
     from mjplug.testing.messages import assert_message
     from mjplug.testing.transport import FakePublisher, FakeTransport
     from mjplug.testing.workers import InlineWorker, InlineWorkerPool
     from mjplug.testing.world import World
 else:
     _MODULES = {
+        "FakeGoal": "goals",
         "FakePublisher": "transport",
         "FakeTransport": "transport",
         "InlineWorker": "workers",

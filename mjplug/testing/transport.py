@@ -4,9 +4,12 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
 
+from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import BytesQuery, Call, QoS, ServiceName, Topic
 from mjplug.server.local_calls import LocalCall
+from mjplug.testing.goals import FakeGoal
+from mjplug_schemas.action import Action
 from mjplug_schemas.message import Message, Service
 
 
@@ -91,6 +94,12 @@ class FakeTransport:
         self.tokens: dict[str, Callable[[str, bool], None]] = {}
         self._subscriptions: dict[str, list[Callable[[Any], None]]] = defaultdict(list)
         self._services: dict[str, Callable[[Call], None]] = {}
+        self._actions: dict[str, ActionCallbacks] = {}
+
+    @property
+    def actions(self) -> set[str]:
+        """The names of all actions."""
+        return set(self._actions)
 
     @property
     def services(self) -> set[str]:
@@ -117,6 +126,16 @@ class FakeTransport:
         """Declares a service."""
         self._services[service.name] = deliver
         self.types[service.name] = service.type
+
+    def open_action(self, action: ActionName, callbacks: ActionCallbacks) -> ActionPublishers:
+        """Declares an action, its three services and its two topics."""
+        self._actions[action.name] = callbacks
+        self.types[action.name] = action.type
+        for service, deliver in zip(
+            action.services, (callbacks.send_goal, callbacks.cancel_goal, callbacks.get_result), strict=True
+        ):
+            self.open_service(service, deliver)
+        return ActionPublishers(*map(self.open_publisher, action.topics))
 
     def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> FakeBytesPublisher:
         """Declares a publisher of bytes."""
@@ -176,3 +195,24 @@ class FakeTransport:
         call = LocalCall(service.Request() if request is None else request, parameters)
         self._services[name](call)
         return call
+
+    def send_goal(self, name: str, goal: Message | None = None, **parameters: str) -> FakeGoal:
+        """Sends a goal to an action, which handles it before the next step.
+
+        Args:
+            name: The action's full name.
+            goal: The goal; None means a goal with default values.
+            **parameters: Parameters of the selector, such as `goal_id`.
+
+        Returns:
+            The goal, which will contain feedback and result.
+
+        Raises:
+            KeyError: No plugin provides the action.
+        """
+        if name not in self._actions:
+            raise KeyError(f"no plugin provides {name}; actions: {', '.join(sorted(self._actions)) or 'none'}")
+        action: type[Action] = self.types[name]
+        sent = FakeGoal(action.Goal() if goal is None else goal, parameters)
+        self._actions[name].query(sent)
+        return sent

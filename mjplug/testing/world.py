@@ -19,10 +19,13 @@ from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.server.local_calls import LocalCall
 from mjplug.services.states.keeper import Keeper
 from mjplug.services.states.saved_state import SavedState
+from mjplug.testing.goals import FakeGoal
 from mjplug.testing.transport import FakeTransport
 from mjplug.testing.workers import InlineWorkerPool
+from mjplug_schemas.action_msgs import CancelGoal, GoalInfo
 from mjplug_schemas.message import Message
 from mjplug_schemas.names import resolve
+from mjplug_schemas.unique_identifier_msgs import UUID
 
 P = TypeVar("P", bound=Plugin[Any])
 
@@ -186,6 +189,34 @@ class World:
         call = self.transport.call(name, request, **parameters)
         self.loop.step(0)
         return call
+
+    def send_goal(self, name: str, goal: Message | None = None, **parameters: str) -> FakeGoal:
+        """Sends a goal to an action, which handles it at once, without a step.
+
+        Args:
+            name: The action's full name, such as `/lamp/move`.
+            goal: The goal; None means a goal with default values.
+            **parameters: Parameters of the selector, such as `goal_id`.
+
+        Returns:
+            The goal. It gets feedback and its result in later calls of `step`.
+        """
+        sent = self.transport.send_goal(name, goal, **parameters)
+        self.loop.step(0)
+        return sent
+
+    def cancel_goal(self, name: str, goal: FakeGoal) -> LocalCall:
+        """Cancels a goal, which is handled at once, without a step.
+
+        Args:
+            name: The action's full name.
+            goal: The goal.
+
+        Returns:
+            The call of the service `cancel_goal` with its response.
+        """
+        info = GoalInfo(goal_id=UUID(uuid=goal.id))
+        return self.call(f"{name}/_action/cancel_goal", CancelGoal.Request(goal_info=info))
 
     def publish(self, name: str, message: Message) -> None:
         """Sends a message to the plugins that subscribe to a topic. They handle it at once, without a step.

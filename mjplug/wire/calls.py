@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, Protocol
 
 from mjplug.log import ros_string
 from mjplug.wire.dialect import RawRequest
@@ -87,6 +87,21 @@ class WireCall:
         return raw
 
 
+class OpenCall(Protocol):
+    """A request that may be kept until it is answered."""
+
+    @property
+    def service(self) -> type[Service]:
+        """The service's class."""
+
+    @property
+    def size(self) -> int:
+        """Size of the data that Zenoh keeps until the request is answered [bytes]."""
+
+    def refuse(self, reason: str) -> None:
+        """Reports that the request failed, unless it has been answered."""
+
+
 class OpenCalls:
     """The calls of one session that wait for their response. Thread-safe.
 
@@ -104,7 +119,7 @@ class OpenCalls:
         self._bytes = 0
         # Held while any thread adds or removes a call; never while a response is sent.
         self._lock = threading.Lock()
-        self._calls: dict[type[Service], set[WireCall]] = {}
+        self._calls: dict[type[Service], set[OpenCall]] = {}
         self._closed: str | None = None
         self._empty_responses = Rejections("a client got an empty response")
         self.replies = Replies()
@@ -117,7 +132,7 @@ class OpenCalls:
         """Total size of the waiting requests [bytes], without those of at most `MAX_SMALL_REQUEST` bytes."""
         return self._bytes
 
-    def admit(self, call: WireCall) -> Admission:
+    def admit(self, call: OpenCall) -> Admission:
         """Keeps a call until it is answered, or refuses it; returns which."""
         large = call.size if call.size > MAX_SMALL_REQUEST else 0
         with self._lock:
@@ -139,7 +154,7 @@ class OpenCalls:
         call.refuse(busy if closed is None else closed)
         return "busy" if closed is None else "closed"
 
-    def discard(self, call: WireCall) -> None:
+    def discard(self, call: OpenCall) -> None:
         """Removes a call that has been answered."""
         with self._lock:
             calls = self._calls.get(call.service, set())

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import zenoh
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.wire.encoding import Form, Received, WrittenForm
 
@@ -76,6 +77,16 @@ class RawRequest(Protocol):
         """Sends an error reply and ends the request."""
 
 
+class RawGoal(RawRequest, Protocol):
+    """An encoded goal of an action, which gets several replies."""
+
+    def reply_part(self, payload: bytes, encoding: zenoh.Encoding) -> None:
+        """Sends one of several replies; `end` must follow."""
+
+    def end(self) -> None:
+        """Ends the request after the last part."""
+
+
 class Dialect(Protocol):
     """A mapping of topics and services to Zenoh. Callbacks run on Zenoh's threads."""
 
@@ -93,6 +104,12 @@ class Dialect(Protocol):
 
     def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares the queryable of a service; `receive` is called with every request."""
+
+    def action_keys(self, action: ActionName) -> Mapping[str, str]:
+        """Returns the keys of an action's own name, by their field names in the list of interfaces."""
+
+    def declare_action(self, action: ActionName, receive: Callable[[RawGoal], None]) -> None:
+        """Declares the queryable on an action's own name, if there is one; `receive` is called with every goal."""
 
     def refused(self) -> Mapping[str, int]:
         """Returns the number of queries that are not requests, by the name of the service."""

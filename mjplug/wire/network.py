@@ -6,13 +6,15 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, TypeVar
 
+from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers
 from mjplug.contracts.transport import BytesQuery, Call, ServiceName, Topic
 from mjplug.errors import WireError
 from mjplug.wire import identity
+from mjplug.wire.actions import GoalReceiver
 from mjplug.wire.bytes_endpoints import BytesEndpoints, WireBytesPublisher
 from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
-from mjplug.wire.discovery.answers import Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
+from mjplug.wire.discovery.answers import ActionEntry, Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.encoding import DEFAULT_LIMITS, Limits
 from mjplug.wire.plain import PlainDialect
 from mjplug.wire.publisher import WirePublisher
@@ -29,7 +31,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Network:
-    """Implements `mjplug.contracts.transport.Transport`.
+    """Implements `mjplug.contracts.actions.ActionTransport`.
 
     Publishers, subscriptions and services are declared on one thread; their callbacks run on Zenoh's threads.
 
@@ -61,6 +63,7 @@ class Network:
         self.publishers: list[WirePublisher[Any]] = []
         self._types: dict[str, type[Message]] = {}
         self._servers: dict[str, ServiceServer] = {}
+        self._goals: dict[str, GoalReceiver] = {}
         self._subscriptions: list[Subscription[Any]] = []
         self._bytes = BytesEndpoints(session.zenoh)
         listing = Listing(name, version("mjplug"), session.endpoint)
@@ -71,7 +74,7 @@ class Network:
 
     @property
     def listing(self) -> Listing:
-        """The list of all declared topics and services."""
+        """The list of all declared topics, services and actions."""
         return self._interfaces.listing
 
     def open_publisher(self, topic: Topic[M], on_matched: Callable[[], None] | None = None) -> WirePublisher[M]:
@@ -85,14 +88,8 @@ class Network:
         Raises:
             WireError: The topic already exists with another type.
         """
-        self._check(topic)
-        # Compile the encoder now, not at the first step that publishes.
-        topic.type().to_cdr()
-        notify = on_matched or _nothing
-        writers = [writer for dialect in self._dialects for writer in dialect.declare_writers(topic, notify)]
+        publisher = self._declare_publisher(topic, on_matched or _nothing)
         self._list_topic(topic, "published")
-        publisher = WirePublisher(topic, writers)
-        self.publishers.append(publisher)
         return publisher
 
     def open_subscription(self, topic: Topic[M], deliver: Callable[[M], None]) -> None:
@@ -123,15 +120,33 @@ class Network:
         Raises:
             WireError: A service of this name already exists.
         """
-        if service.name in self._servers:
-            raise WireError(f"the service {service.name} already exists; give one of the two another name")
-        server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._limits)
+        entry = self._declare_service(service, deliver)
+        self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
+
+    def open_action(self, action: ActionName, callbacks: ActionCallbacks) -> ActionPublishers:
+        """Declares an action: its services, its topics, and the queryable on its own name.
+
+        Args:
+            action: The action.
+            callbacks: Called on Zenoh's threads; they may only enqueue.
+
+        Raises:
+            WireError: An action, or one of its services, already exists.
+        """
+        if action.name in self._servers:
+            raise WireError(f"the service {action.name} already exists; give the action another name")
+        receiver = self._goals[action.name] = GoalReceiver(action, callbacks.query, self.open_calls, self._limits)
+        deliver = (callbacks.send_goal, callbacks.cancel_goal, callbacks.get_result)
+        services = tuple(map(self._declare_service, action.services, deliver))
+        publishers = ActionPublishers(*(self._declare_publisher(topic, _nothing) for topic in action.topics))
+        topics = tuple(self._topic_entry(topic, "published") for topic in action.topics)
         keys: dict[str, str] = {}
         for dialect in self._dialects:
-            dialect.declare_service(service, server.receive)
-            keys |= dialect.service_keys(service)
-        entry = ServiceEntry(service, keys)
-        self._interfaces.listing = replace(self.listing, services=(*self.listing.services, entry))
+            dialect.declare_action(action, receiver.receive)
+            keys |= dialect.action_keys(action)
+        entry = ActionEntry(action, keys, services, topics)
+        self._interfaces.listing = replace(self.listing, actions=(*self.listing.actions, entry))
+        return publishers
 
     def open_bytes_publisher(self, key: str, encoding: str, on_matched: Callable[[], None]) -> WireBytesPublisher:
         """Declares a publisher of bytes; see `mjplug.contracts.transport.BytesTransport`."""
@@ -168,6 +183,8 @@ class Network:
             counts[subscription.topic.name] += subscription.rejections.count
         for name, server in self._servers.items():
             counts[name] += server.rejections.count
+        for name, goals in self._goals.items():
+            counts[name] += goals.rejections.count
         for dialect in self._dialects:
             counts.update(dialect.refused())
         return dict(counts)
@@ -205,9 +222,31 @@ class Network:
                 f"topic {topic.name} already exists with type {known.TYPE}; it cannot also have type {topic.type.TYPE}"
             )
 
-    def _list_topic(self, topic: Topic[Any], direction: Direction) -> None:
+    def _declare_publisher(self, topic: Topic[M], notify: Callable[[], None]) -> WirePublisher[M]:
+        self._check(topic)
+        # Compile the encoder now, not at the first step that publishes.
+        topic.type().to_cdr()
+        writers = [writer for dialect in self._dialects for writer in dialect.declare_writers(topic, notify)]
+        publisher = WirePublisher(topic, writers)
+        self.publishers.append(publisher)
+        return publisher
+
+    def _declare_service(self, service: ServiceName, deliver: Callable[[Call], None]) -> ServiceEntry:
+        if service.name in self._servers or service.name in self._goals:
+            raise WireError(f"the service {service.name} already exists; give one of the two another name")
+        server = self._servers[service.name] = ServiceServer(service, deliver, self.open_calls, self._limits)
+        keys: dict[str, str] = {}
+        for dialect in self._dialects:
+            dialect.declare_service(service, server.receive)
+            keys |= dialect.service_keys(service)
+        return ServiceEntry(service, keys)
+
+    def _topic_entry(self, topic: Topic[Any], direction: Direction) -> TopicEntry:
         keys = {name: key for dialect in self._dialects for name, key in dialect.topic_keys(topic).items()}
-        entry = TopicEntry(topic, direction, keys)
+        return TopicEntry(topic, direction, keys)
+
+    def _list_topic(self, topic: Topic[Any], direction: Direction) -> None:
+        entry = self._topic_entry(topic, direction)
         self._interfaces.listing = replace(self.listing, topics=(*self.listing.topics, entry))
 
 

@@ -8,6 +8,8 @@ zenoh-bridge-ros2dds, which passes all payloads on `<key>` to DDS as CDR.
 A service is a queryable on `<key>` that replies to CDR with CDR and to JSON with JSON. It accepts only queries on
 exactly its key, so that a `get('**')` does not call services. It is not declared complete, because other programs may
 serve the same key.
+
+An action is three services and two topics below `<key>/_action/`, and a queryable on `<key>` with several replies.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,13 +18,15 @@ from urllib.parse import unquote
 
 import zenoh
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.wire.callbacks import callback
-from mjplug.wire.dialect import KeyWriter, RawRequest
+from mjplug.wire.dialect import KeyWriter, RawGoal, RawRequest
 from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
 from mjplug.wire.key_subscriber import declare_key_subscriber
 from mjplug.wire.key_writers import LatchedWriter, LiveWriter
 from mjplug_schemas import names
+from mjplug_schemas.message import Message
 
 _BRIDGE_MARK = b"rqh"
 _BRIDGE_ATTACHMENT_SIZE = 20
@@ -70,17 +74,15 @@ class PlainDialect:
 
     def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares the queryable of a service."""
-        key = key_of(service.name)
-        encodings = {form: encoding_of(form, service.type.Response) for form in _FORMS}
+        self._declare_queryable(key_of(service.name), "a service", service.type.Response, receive)
 
-        def handle(query: zenoh.Query) -> None:
-            if str(query.key_expr) == key:
-                receive(PlainRequest(query, key, encodings))
-            else:
-                with query:
-                    query.reply_err(f"{key} is a service; query exactly this key to call it".encode(), encoding=TEXT)
+    def action_keys(self, action: ActionName) -> Mapping[str, str]:
+        """Returns the key."""
+        return {"key": key_of(action.name)}
 
-        self._declared.append(self._session.declare_queryable(key, callback(handle), complete=False))
+    def declare_action(self, action: ActionName, receive: Callable[[RawGoal], None]) -> None:
+        """Declares the queryable on the action's own name."""
+        self._declare_queryable(key_of(action.name), "an action", action.type.GetResult.Response, receive)
 
     def refused(self) -> Mapping[str, int]:
         """Returns an empty mapping; every query on a service's key is treated as a request."""
@@ -90,6 +92,20 @@ class PlainDialect:
         """Makes every writer unmatched permanently."""
         for writer in self._writers:
             writer.close()
+
+    def _declare_queryable(
+        self, key: str, what: str, response: type[Message], receive: "Callable[[PlainRequest], None]"
+    ) -> None:
+        encodings = {form: encoding_of(form, response) for form in _FORMS}
+
+        def handle(query: zenoh.Query) -> None:
+            if str(query.key_expr) == key:
+                receive(PlainRequest(query, key, encodings))
+            else:
+                with query:
+                    query.reply_err(f"{key} is {what}; query exactly this key to call it".encode(), encoding=TEXT)
+
+        self._declared.append(self._session.declare_queryable(key, callback(handle), complete=False))
 
     def _declare_writer(
         self, topic: Topic[Any], form: Form, on_matched: Callable[[], None]
@@ -101,7 +117,7 @@ class PlainDialect:
 
 
 class PlainRequest:
-    """A query on a plain key. Implements `mjplug.wire.dialect.RawRequest`."""
+    """A query on a plain key. Implements `mjplug.wire.dialect.RawGoal`, and so `RawRequest`."""
 
     def __init__(self, query: zenoh.Query, key: str, encodings: Mapping[Form, zenoh.Encoding]) -> None:
         self.received = Received(query.payload, query.encoding)
@@ -121,6 +137,15 @@ class PlainRequest:
         """Sends an error reply with one sentence as `text/plain`."""
         with self._query as query:
             query.reply_err(sentence.encode(), encoding=TEXT)
+
+    def reply_part(self, payload: bytes, encoding: zenoh.Encoding) -> None:
+        """Sends one of several replies."""
+        self._query.reply(self._key, payload, encoding=encoding)
+
+    def end(self) -> None:
+        """Ends the request."""
+        # zenoh's stubs leave the return type open.
+        self._query.drop()  # type: ignore[no-untyped-call]
 
 
 def size_of(query: zenoh.Query) -> int:

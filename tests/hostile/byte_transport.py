@@ -3,6 +3,8 @@
 import zenoh
 from hostile.inputs import Interface, encoding_of
 
+from mjplug.contracts.actions import ActionPublishers
+from mjplug.wire.actions import GoalReceiver
 from mjplug.wire.calls import OpenCalls
 from mjplug.wire.encoding import Received
 from mjplug.wire.service import ServiceServer
@@ -30,6 +32,15 @@ class ByteTransport:
         key = service.name[1:]
         self.interfaces.append(Interface("service", key, key, service.type.TYPE, service.type.Request))
         self.doors[key] = ServiceServer(service, deliver, self.open_calls)
+
+    def open_action(self, action, callbacks):
+        callbacks_of = (callbacks.send_goal, callbacks.cancel_goal, callbacks.get_result)
+        for service, deliver in zip(action.services, callbacks_of, strict=True):
+            self.open_service(service, deliver)
+        key = action.name[1:]
+        self.interfaces.append(Interface("service", key, key, action.type.TYPE, action.type.Goal))
+        self.doors[key] = GoalReceiver(action, callbacks.query, self.open_calls)
+        return ActionPublishers(*(self.open_publisher(topic) for topic in action.topics))
 
     def open_bytes_publisher(self, key, encoding, on_matched):
         return EncodingPublisher(self)
@@ -66,7 +77,7 @@ class EncodingPublisher:
 
 
 class LocalInquiry:
-    """One request; implements `mjplug.wire.dialect.RawRequest`."""
+    """One request; implements `mjplug.wire.dialect.RawGoal`, and so `RawRequest`."""
 
     def __init__(self, given, needs_response):
         payload = None if given.payload is None else zenoh.ZBytes(given.payload)
@@ -83,3 +94,9 @@ class LocalInquiry:
 
     def reply_error(self, sentence):
         self.answers.append((sentence, None))
+
+    def reply_part(self, payload, encoding):
+        self.answers.append((payload, "cdr" if "cdr" in str(encoding) else "json"))
+
+    def end(self):
+        pass

@@ -30,13 +30,17 @@ def try_one(types, raw):
 
 
 def message_types():
-    """Returns all messages, requests and responses, in a fixed order."""
+    """Returns all messages, requests, responses and messages of actions, in a fixed order."""
+    from mjplug_schemas.action import Action
     from mjplug_schemas.message import Message
     from mjplug_schemas.registry import all_types
 
     found = []
     for interface in all_types().values():
-        found += [interface] if issubclass(interface, Message) else [interface.Request, interface.Response]
+        if issubclass(interface, Action):
+            found += [part for part in interface.derived().values() if issubclass(part, Message)]
+        else:
+            found += [interface] if issubclass(interface, Message) else [interface.Request, interface.Response]
     return found
 
 

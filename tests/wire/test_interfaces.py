@@ -53,6 +53,7 @@ def test_the_listing_names_everything_that_is_declared(busy_network, client):
                 "hash": "RIHS01_eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f",
             }
         ],
+        "actions": [],
     }
 
 

@@ -88,7 +88,7 @@ def test_other_types_and_other_hashes_are_refused(call):
     response = call("get_type_description", GetTypeDescription, type_name=Trigger.TYPE)
     assert (response.successful, response.failure_reason) == (
         False,
-        "this node has no topic or service of type 'std_srvs/srv/Trigger'",
+        "this node has no topic, service or action of type 'std_srvs/srv/Trigger'",
     )
     response = call("get_type_description", GetTypeDescription, type_name=GetTypeDescription.TYPE, type_hash="RIHS01_0")
     assert response.failure_reason == (

@@ -16,11 +16,13 @@ from typing import Any, Literal
 
 import zenoh
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.callbacks import callback
 from mjplug.wire.discovery.announced import interfaces_key
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.plain import parameters
+from mjplug_schemas.action import Action
 from mjplug_schemas.definition import definition
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.message import Message
@@ -82,8 +84,36 @@ class ServiceEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class ActionEntry:
+    """An action of the server.
+
+    Attributes:
+        action: The action.
+        keys: The keys of its own name, by their field names in the list.
+        services: Its three services.
+        topics: Its two topics.
+    """
+
+    action: ActionName
+    keys: Mapping[str, str]
+    services: tuple[ServiceEntry, ...]
+    topics: tuple[TopicEntry, ...]
+
+    def describe(self) -> dict[str, Any]:
+        """Returns the entry of the list."""
+        return {
+            "name": self.action.name,
+            **self.keys,
+            "type": self.action.type.TYPE,
+            "hash": _hash(self.action.type),
+            "services": [entry.describe() for entry in self.services],
+            "topics": [entry.describe() for entry in self.topics],
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Listing:
-    """All topics and services that the server has declared.
+    """All topics, services and actions that the server has declared.
 
     Immutable, because Zenoh's threads read it while the server declares more.
 
@@ -91,15 +121,17 @@ class Listing:
         name: The server's full name.
         version: mjplug's version.
         endpoint: The endpoint to which clients connect.
-        topics: Its topics.
-        services: Its services.
+        topics: Its topics, except those of actions.
+        services: Its services, except those of actions.
+        actions: Its actions.
     """
 
     name: str
     version: str
     endpoint: str
     topics: tuple[TopicEntry, ...] = ()
-    services: tuple[ServiceEntry, ...] = field(default=())
+    services: tuple[ServiceEntry, ...] = ()
+    actions: tuple[ActionEntry, ...] = field(default=())
 
     def to_json(self, schema: bool = False) -> bytes:
         """Returns the list as JSON text; `schema` adds the definitions of all types."""
@@ -109,11 +141,12 @@ class Listing:
             "endpoint": self.endpoint,
             "topics": [entry.describe() for entry in self.topics],
             "services": [entry.describe() for entry in self.services],
+            "actions": [entry.describe() for entry in self.actions],
         }
         if schema:
-            types: list[Any] = [entry.topic.type for entry in self.topics] + [
-                entry.service.type for entry in self.services
-            ]
+            types: list[Any] = [entry.topic.type for entry in self.topics]
+            types += [entry.service.type for entry in self.services]
+            types += [entry.action.type for entry in self.actions]
             content["types"] = {type.TYPE: _schema(type) for type in _with_nested(types)}
         return json.dumps(content).encode()
 
@@ -175,16 +208,25 @@ def _with_nested(types: Iterable[Any]) -> list[Any]:
         type = pending.pop(0)
         if type.TYPE not in found:
             found[type.TYPE] = type
-            parts = (type,) if issubclass(type, Message) else (type.Request, type.Response)
-            elements = (field.element for part in parts for field in fields(part))
+            elements = (field.element for part in _parts(type) for field in fields(part))
             pending += [element for element in elements if not isinstance(element, Primitive)]
     return list(found.values())
+
+
+def _parts(type: Any) -> tuple[Any, ...]:
+    """Returns the messages of which a type consists."""
+    if issubclass(type, Action):
+        return type.Goal, type.Result, type.Feedback
+    return (type,) if issubclass(type, Message) else (type.Request, type.Response)
 
 
 @cache
 def _schema(type: Any) -> dict[str, Any]:
     if issubclass(type, Message):
         return {"definition": definition(type), "schema": type.model_json_schema()}
+    if issubclass(type, Action):
+        parts = {"goal": type.Goal, "result": type.Result, "feedback": type.Feedback}
+        return {"definition": definition(type)} | {name: part.model_json_schema() for name, part in parts.items()}
     return {
         "definition": definition(type),
         "request": type.Request.model_json_schema(),

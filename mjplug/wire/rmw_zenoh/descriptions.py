@@ -5,8 +5,7 @@ from typing import Any
 
 from mjplug_schemas.definition import definition
 from mjplug_schemas.errors import UnknownType
-from mjplug_schemas.message import Message, Service
-from mjplug_schemas.registry import find
+from mjplug_schemas.registry import Interface, find
 from mjplug_schemas.rihs01 import type_description, type_hash
 from mjplug_schemas.type_description_interfaces import (
     Field,
@@ -16,8 +15,6 @@ from mjplug_schemas.type_description_interfaces import (
     TypeDescription,
     TypeSource,
 )
-
-Interface = type[Message] | type[Service]
 
 
 class TypeDescriptions:
@@ -34,7 +31,7 @@ class TypeDescriptions:
         """Returns the description of the type with the requested name and hash."""
         interface: Any = self._types.get(request.type_name)
         if interface is None:
-            return _refusal(f"this node has no topic or service of type {request.type_name!r}")
+            return _refusal(f"this node has no topic, service or action of type {request.type_name!r}")
         if request.type_hash not in ("", known := type_hash(interface)):
             return _refusal(f"the type hash of {request.type_name} is {known} at this node, not {request.type_hash}")
         described = type_description(interface)

@@ -9,9 +9,10 @@ from typing import Any
 
 import zenoh
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import QoS, ServiceName, Topic
 from mjplug.wire.callbacks import callback
-from mjplug.wire.dialect import KeyWriter, RawRequest
+from mjplug.wire.dialect import KeyWriter, RawGoal, RawRequest
 from mjplug.wire.encoding import TEXT, Received
 from mjplug.wire.key_subscriber import declare_key_subscriber
 from mjplug.wire.refusal import refusal
@@ -23,14 +24,14 @@ from mjplug.wire.rmw_zenoh.mismatches import Mismatches
 from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
 from mjplug.wire.rmw_zenoh.raw_request import RmwRequest
 from mjplug.wire.rmw_zenoh.tokens import EndpointKind, Node, gid
-from mjplug_schemas.message import Message, Service
+from mjplug_schemas.registry import Interface
 
 
 class RmwZenohDialect:
     """Implements `mjplug.wire.dialect.Dialect` on one session, as one ROS 2 node.
 
     Attributes:
-        types: The types of all topics and services, by type name.
+        types: The types of all topics, services and actions, by type name.
 
     Args:
         session: The session.
@@ -39,7 +40,7 @@ class RmwZenohDialect:
     """
 
     def __init__(self, session: zenoh.Session, name: str, settings: RosSettings) -> None:
-        self.types: dict[str, type[Message] | type[Service]] = {}
+        self.types: dict[str, Interface] = {}
         self._session = session
         self._settings = settings
         self._ids = count()
@@ -128,6 +129,14 @@ class RmwZenohDialect:
         # Declared complete, because clients of rmw_zenoh query only complete queryables.
         self._declared.append(self._session.declare_queryable(any_key, callback(handle), complete=True))
         self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
+
+    def action_keys(self, action: ActionName) -> Mapping[str, str]:
+        """Returns an empty mapping: in ROS, an action is its three services and two topics."""
+        return {}
+
+    def declare_action(self, action: ActionName, receive: Callable[[RawGoal], None]) -> None:
+        """Records the type for type descriptions; there is no key for the action itself."""
+        self.types[action.type.TYPE] = action.type
 
     def refused(self) -> Mapping[str, int]:
         """Returns the number of queries that were not requests of a ROS 2 node, by the name of the service."""
