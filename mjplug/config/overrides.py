@@ -8,7 +8,8 @@ from mjplug.config.document import Place, parse_document, unquoted
 from mjplug.config.explain import dotted, show
 from mjplug.config.mapping import plain_value
 from mjplug.config.problem import ConfigError, Mark, Problem, Source
-from mjplug.config.settings import Section, Settings
+from mjplug.config.section import Section
+from mjplug.config.settings import Settings
 from mjplug.config.tree import NotASectionError, Tree
 from mjplug.errors import did_you_mean
 from mjplug_schemas.names import NAMESPACE

@@ -5,6 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from mjplug.config.endpoint import check_endpoint
+from mjplug.config.section import Section
+from mjplug.config.standard_settings import StandardSettings
 from mjplug.convert.options import ConversionOptions
 from mjplug.limits import MAX_SPEED, MIN_SPEED
 from mjplug_schemas.names import NAMESPACE, normalize_namespace, validate_node_name, validate_substituted
@@ -52,12 +54,6 @@ Keyframe = Annotated[
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]}),
 ]
 """A keyframe's name, or its index, which YAML reads as a number."""
-
-
-class Section(BaseModel):
-    """A section of the configuration. Unknown keys and other types are refused, but an int is accepted as a float."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Sim(Section):
@@ -203,6 +199,9 @@ class Settings(Section):
     zenoh: Zenoh = Field(Zenoh(), description="Settings of the Zenoh session.")
     snapshots: Snapshots = Field(Snapshots(), description="Settings of saved states.")
     ros2: Ros2 = Field(Ros2(), description="Settings for ROS 2 nodes with rmw_zenoh.")
+    simulation_interfaces: StandardSettings = Field(
+        StandardSettings(), description="Settings of the standard control interface of simulators."
+    )
     plugins: dict[NodeName, PluginEntry] = Field({}, description="Plugin instances, by instance name.")
     ros_params: Annotated[tuple[str, ...], Field(strict=False)] = Field(
         (), description="ROS parameter files whose `mujoco_plugins` are added; `plugins` overrides them."

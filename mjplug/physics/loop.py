@@ -172,14 +172,15 @@ class Loop:
         for callback in self.on_reset:
             callback()
 
-    def restore(self, put_back: Callable[[], None]) -> None:
+    def restore(self, put_back: Callable[[], None], reason: str = "a state was restored") -> None:
         """Refuses every waiting request, except one that calls this, and puts a saved state back.
 
         Args:
             put_back: Sets the state of the simulation, of the parts and of the timers. It must not fail.
+            reason: The reason for the refused requests.
         """
-        self.goals.cancel("cancelled: a state was restored")
-        self.scheduler.cancel("cancelled: a state was restored")
+        self.goals.cancel(f"cancelled: {reason}")
+        self.scheduler.cancel(f"cancelled: {reason}")
         self.simulation.epoch += 1
         put_back()
         self._anchor_pacer()

@@ -44,6 +44,7 @@ class Reset:
         """Sets the state and updates all derived quantities."""
         if self.episode is not None:
             simulation.step = 0
+            simulation.time.restart(0)
         simulation.restore(self.keyframe)
         model, data = simulation.model, simulation.data
         for override in self.joints:

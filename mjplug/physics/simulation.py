@@ -43,6 +43,7 @@ class Simulation:
         free_joints: Joint id of the free joint by body id, in joint order.
         free_bodies: Names of the bodies with a free joint.
         holds: The velocity holds that hold now, in the order in which they are written to `qvel`.
+        spawned: Names of the entities that were added to the model; `<name>/` is before the names in them.
 
     Args:
         model: The compiled model; its flag mjDSBL_AUTORESET is set.
@@ -91,6 +92,7 @@ class Simulation:
         self._warnings = self.data.warning.number.data
         self._qvel = float_view(self.data.qvel)
         self.holds: list[VelocityHold] = []
+        self.spawned: tuple[str, ...] = ()
         self._results: dict[str, NDArray[np.float64]] | None = None
         self._holders: dict[int, str] = {}
         self._controllers: dict[int, str] = {}
@@ -256,6 +258,11 @@ class Simulation:
         self._summed_time = self.data.time
         self._kinematics_current = state.poses_current
         self._forwarded = self.step if state.sensors_current else -1
+
+    def spawned_owner(self, body: str) -> str:
+        """Returns the name of the spawned entity to which a body belongs, or the name of the body."""
+        owner = body.partition("/")[0]
+        return owner if owner in self.spawned else body
 
     def keyframes(self) -> list[str]:
         """Returns the name of each keyframe, or its index if it is unnamed."""

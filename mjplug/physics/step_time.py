@@ -29,16 +29,22 @@ class StepTime:
 
     Attributes:
         timestep: The time step as a fraction [s].
+        origin: The step number at which the time is zero; `restart` changes it.
     """
 
     def __init__(self, timestep: float) -> None:
         self.timestep = as_fraction(timestep)
+        self.origin = 0
         ns = self.timestep * _NS
         self._num, self._den = ns.numerator, ns.denominator
 
     def ns(self, step: int) -> int:
         """Returns the simulated time after `step` steps, rounded to the nearest nanosecond [ns]."""
-        return (2 * step * self._num + self._den) // (2 * self._den)
+        return (2 * (step - self.origin) * self._num + self._den) // (2 * self._den)
+
+    def restart(self, step: int) -> None:
+        """Makes the time zero at `step`."""
+        self.origin = step
 
     def seconds(self, step: int) -> float:
         """Returns the simulated time after `step` steps [s]."""

@@ -64,9 +64,7 @@ class OpenedServer:
             wanted = SessionSettings(zenoh.mode, zenoh.listen, zenoh.connect, prepared.loaded.path(("zenoh", "config")))
             wanted = secured(
                 wanted,
-                lambda: rehearse(
-                    prepared.loaded, simulation.model, prepared.plugins, model.described_by, prepared.name, ros2
-                ),
+                lambda: rehearse(prepared.loaded, model, prepared.plugins, prepared.name, ros2),
             )
             self.has_roles = wanted.access_control is not None
             limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
@@ -77,9 +75,7 @@ class OpenedServer:
             closing.callback(workers.close)
             self.calls = LocalCalls(self.network)
             folder = prepared.loaded.states_folder
-            self.server = Server(
-                settings, simulation, self.calls, prepared.plugins, workers, model.described_by, folder
-            )
+            self.server = Server(settings, simulation, self.calls, prepared.plugins, workers, model, folder)
             closing.callback(self.server.end)
             # The program that runs the server steps it as a client that is always present.
             self.owner = {"owner": f"local-{uuid.uuid4().hex}"}

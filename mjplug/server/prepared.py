@@ -121,9 +121,9 @@ def check(prepared: Prepared) -> None:
     Raises:
         PluginError: A plugin refused to start.
     """
-    settings, model_file = prepared.loaded.settings, prepared.model.described_by
+    settings = prepared.loaded.settings
     server = Server(
-        settings, prepared.simulation, OfflineTransport(), prepared.plugins, OfflineWorkerPool(), model_file
+        settings, prepared.simulation, OfflineTransport(), prepared.plugins, OfflineWorkerPool(), prepared.model
     )
     server.cleanup()
 

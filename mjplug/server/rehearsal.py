@@ -3,12 +3,10 @@
 import copy
 import logging
 from collections.abc import Sequence
-from pathlib import Path
-
-import mujoco
 
 from mjplug.config.draft import Loaded
 from mjplug.contracts.transport import ServiceName
+from mjplug.model.file import LoadedModel
 from mjplug.physics.simulation import Simulation
 from mjplug.plugin.selection import Selected
 from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
@@ -21,9 +19,8 @@ from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
 def rehearse(
     loaded: Loaded,
-    model: mujoco.MjModel,
+    model: LoadedModel,
     plugins: Sequence[Selected],
-    model_file: Path | None,
     name: str,
     ros2: RosSettings | None,
 ) -> Interfaces:
@@ -31,9 +28,8 @@ def rehearse(
 
     Args:
         loaded: The configuration.
-        model: The compiled model; it is not changed.
+        model: The model with its file; it is not changed.
         plugins: The plugins of the server.
-        model_file: The file of the model; None if it has none.
         name: The server's full name.
         ros2: Settings of the ROS 2 interfaces; None if they are disabled.
 
@@ -45,9 +41,9 @@ def rehearse(
     # The real start logs the same warnings.
     logging.disable(logging.WARNING)
     try:
-        simulation = Simulation(copy.copy(model), loaded.settings.sim.keyframe)
+        simulation = Simulation(copy.copy(model.model), loaded.settings.sim.keyframe)
         take_starting_pose(simulation, loaded)
-        Server(loaded.settings, simulation, transport, plugins, OfflineWorkerPool(), model_file).cleanup()
+        Server(loaded.settings, simulation, transport, plugins, OfflineWorkerPool(), model).cleanup()
     finally:
         logging.disable(before)
     services = [*transport.services]

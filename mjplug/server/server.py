@@ -16,6 +16,7 @@ from mjplug.contracts.parameters import ChangeableParameters
 from mjplug.contracts.topics import Topics
 from mjplug.contracts.work import WorkerPool
 from mjplug.errors import MjplugError, PluginError, is_fault
+from mjplug.model.file import LoadedModel
 from mjplug.physics import process
 from mjplug.physics.loop import Loop
 from mjplug.physics.simulation import Simulation
@@ -33,10 +34,12 @@ from mjplug.services import (
 )
 from mjplug.services.plugin_times import PluginTimes
 from mjplug.services.rollout import service as rollout
+from mjplug.services.standard import service as standard
 from mjplug.services.states import service as states
 from mjplug.services.stepping import service as stepping
 from mjplug.services.view import service as view
 from mjplug_schemas import names
+from mjplug_schemas.simulation_interfaces import Resource, WorldResource
 
 _log = logging.getLogger(__name__)
 
@@ -58,7 +61,7 @@ class Server:
         transport: Declares the topics and services; the caller closes it after `run`.
         plugins: The plugins to run, in the order of their updates.
         workers: Starts the worker processes of the plugins; the caller closes it after `run`.
-        model_file: The file of the model; None if it has none.
+        model: The model with its file; None if it was not loaded from a file.
         states_folder: The folder of saved states; None if there is none.
 
     Raises:
@@ -72,7 +75,7 @@ class Server:
         transport: ActionTransport,
         plugins: Sequence[Selected],
         workers: WorkerPool,
-        model_file: Path | None = None,
+        model: LoadedModel | None = None,
         states_folder: Path | None = None,
     ) -> None:
         sim = settings.sim
@@ -82,7 +85,7 @@ class Server:
         self._settings = settings
         self._transport = transport
         self._workers = workers
-        self._model_file = model_file
+        self._model_file = None if model is None else model.described_by
         self.diagnostics = Diagnostics()
         self._changeable = ChangeableParameters()
         self.topics = Topics()
@@ -100,6 +103,15 @@ class Server:
         self.ownership = stepping.offer(host, self.loop, transport, self.topics, names.key(name))
         step_simulation.offer(host, self.loop, self.ownership)
         self._cleanups.callback(rollout.offer(host, self.loop, saved.vector))
+        if settings.simulation_interfaces.enabled:
+            standard.offer(
+                host,
+                self.loop,
+                settings.simulation_interfaces,
+                self.ownership,
+                saved.keeper.restart_time,
+                _world(model),
+            )
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
@@ -201,3 +213,10 @@ class Server:
             if not is_fault(error):
                 raise
             _log.exception("plugin %s failed while it was cleaned up", name)
+
+
+def _world(model: LoadedModel | None) -> WorldResource:
+    """Returns the loaded world for clients."""
+    if model is None:
+        return WorldResource()
+    return WorldResource(name=model.name, world_resource=Resource(uri=model.path.absolute().as_uri()))

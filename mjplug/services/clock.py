@@ -19,8 +19,9 @@ def offer(host: Host, loop: Loop, rate: float) -> None:
             clock.publish(Clock(clock=host.now()))
 
     def after_reset() -> None:
-        tick()
+        # The epoch first, because the time may have gone back.
         epoch.publish(UInt64(data=host.epoch))
+        tick()
 
     clock = host.create_publisher(Clock, "/clock", CLOCK, on_matched=tick)
     epoch = host.create_publisher(UInt64, "~/epoch", LATCHED)

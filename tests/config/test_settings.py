@@ -4,7 +4,8 @@ import sys
 import pytest
 from pydantic import ValidationError
 
-from mjplug.config.settings import Section, Settings
+from mjplug.config.section import Section
+from mjplug.config.settings import Settings
 from mjplug.wire.encoding import MAX_JSON, MAX_PAYLOAD
 
 
@@ -57,6 +58,13 @@ def test_defaults_are_those_of_the_documentation():
         },
         "snapshots": {"max_states": 64, "max_bytes": 256 << 20, "folder": ""},
         "ros2": {"enabled": True, "domain_id": 0, "distro": "jazzy"},
+        "simulation_interfaces": {
+            "enabled": True,
+            "namespace": None,
+            "allow_quit": False,
+            "entities": {},
+            "named_poses": {},
+        },
         "plugins": {},
         "ros_params": (),
         "on_plugin_error": "stop",
@@ -150,7 +158,7 @@ def test_a_plugin_entry_keeps_its_parameters_apart_from_its_type():
 def test_every_field_says_what_it_is():
     schema = Settings.model_json_schema()
     models = [schema, *schema["$defs"].values()]
-    assert len(models) == 7
+    assert len(models) == 11
     for model in models:
         for name, field in model["properties"].items():
             described = schema["$defs"][field["$ref"].rpartition("/")[2]] if "$ref" in field else field

@@ -68,6 +68,7 @@ class Keeper:
             seed=self._seed,
             step=simulation.step,
             time_ns=simulation.time_ns,
+            time_origin=simulation.time.origin,
             epoch=simulation.epoch,
             lineage=simulation.lineage,
             steps_since_reset=loop.recovery.steps_since_reset(simulation.step),
@@ -121,6 +122,19 @@ class Keeper:
         self._loop.restore(put_back)
         return problems
 
+    def restart_time(self) -> None:
+        """Sets simulated time to zero; everything else continues. Waiting requests are refused, and the epoch grows."""
+        loop, simulation, state = self._loop, self._loop.simulation, self.save()
+
+        def put_back() -> None:
+            simulation.time.restart(simulation.step)
+            self._put_back(state, state.left_out, keep_time=True, reset=True)
+            # Noise depends on the time, so it would otherwise be repeated.
+            simulation.lineage += 1
+            self._restore_timers(state)
+
+        loop.restore(put_back, "simulated time was reset")
+
     def check(self, state: SavedState, keep_time: bool) -> None:
         """Checks whether this server can restore the physics of a state.
 
@@ -165,6 +179,8 @@ class Keeper:
             Why the state of a part could not be restored, by name.
         """
         loop, simulation, header = self._loop, self._loop.simulation, state.header
+        if not keep_time:
+            simulation.time.restart(header.time_origin)
         simulation.put_back(state.physics, None if keep_time else header.step)
         simulation.lineage = header.lineage
         loop.recovery.restore(simulation.step, header.steps_since_reset)

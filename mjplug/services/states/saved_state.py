@@ -60,6 +60,7 @@ class Header(_Section):
         seed: The setting `sim.seed`.
         step: Steps taken.
         time_ns: Simulated time [ns].
+        time_origin: The step number at which the time is zero.
         epoch: Resets and restored states.
         lineage: See `Simulation.lineage`.
         steps_since_reset: Steps since the last automatic reset, at most 10.
@@ -87,6 +88,7 @@ class Header(_Section):
     digest: str
     parts: dict[str, PartHeader]
     holds: tuple[tuple[str, Whole], ...]
+    time_origin: Whole = 0
 
     def to_json(self) -> bytes:
         """Returns the header as JSON; infinity is written as Python's `json` does."""

@@ -66,6 +66,7 @@ class States:
     """The saved states; handles the requests.
 
     Attributes:
+        keeper: Saves and restores states.
         close: Ends the thread that reads and writes files.
 
     Args:
@@ -77,7 +78,7 @@ class States:
     """
 
     def __init__(self, keeper: Keeper, host: Host, limits: Limits, folder: Path | None, thread: FileThread) -> None:
-        self._keeper = keeper
+        self.keeper = keeper
         self._host = host
         self._limits = limits
         self._thread = thread
@@ -97,7 +98,7 @@ class States:
         else:
             state = self._in_memory(check_name(name))
         try:
-            self._keeper.check(state, keep_time=True)
+            self.keeper.check(state, keep_time=True)
         except RequestError as error:
             raise RequestError(f"state {name!r} cannot be used: {error}") from None
         return state.physics.vector
@@ -109,7 +110,7 @@ class States:
         files = self._files() if request.file else None
         if files is None:
             self._check_room(name, request.overwrite)
-        state = self._keeper.save()
+        state = self.keeper.save()
         size = state.size
         if files is not None:
             size = yield from self._thread.run(lambda: files.write(name, state, request.overwrite))
@@ -131,7 +132,7 @@ class States:
         else:
             state = self._in_memory(name)
         try:
-            problems = self._keeper.restore(state, request.strict, request.keep_time, episode)
+            problems = self.keeper.restore(state, request.strict, request.keep_time, episode)
         except RequestError as error:
             raise RequestError(f"state {name!r} was not restored: {error}") from None
         message = f"state {name!r} was restored; t = {self._host.time_ns / 1e9:.6f} s (step {self._host.step})"
@@ -170,8 +171,8 @@ class States:
             step=host.step,
             stamp=host.now(),
             epoch=host.epoch,
-            model_digest=self._keeper.model_digest,
-            digest=self._keeper.digest(),
+            model_digest=self.keeper.model_digest,
+            digest=self.keeper.digest(),
         )
 
     def _files(self) -> StateFiles:

@@ -101,7 +101,8 @@ class Feed:
         self._started().submit(wanted, context=context)
 
     def _context(self, wanted: Sequence[str]) -> Context:
-        return self._loop.paused, self._grips() if f"overlay/{PERTURBATION}" in wanted else ()
+        grips = self._grips() if f"overlay/{PERTURBATION}" in wanted else ()
+        return self._loop.paused, grips, self._loop.simulation.step
 
     def _state(self) -> tuple[object, ...]:
         """Returns a value that changes with the poses."""

@@ -15,7 +15,6 @@ import numpy as np
 from mjplug.contracts.transport import BytesPublisher
 from mjplug.contracts.work import Job, Work
 from mjplug.physics.body_spring import Grip
-from mjplug.physics.step_time import StepTime
 from mjplug.services.view.catalogue import catalogue
 from mjplug.services.view.frame import PAUSED, FrameWriter
 from mjplug.services.view.overlays import KINDS, OverlayWriter
@@ -37,8 +36,8 @@ STATE: Final = "state"
 STREAMS: Final = (FRAME, STATE, *(f"overlay/{kind}" for kind in KINDS))
 """The tasks that publish, each on its own key below `@view/`."""
 
-Context = tuple[bool, tuple[Grip, ...]]
-"""Whether the simulation is paused, and what viewers drag; the context of each job."""
+Context = tuple[bool, tuple[Grip, ...], int]
+"""Whether the simulation is paused, what viewers drag, and the number of steps; the context of each job."""
 
 _GZIP_LEVEL = 4
 
@@ -84,15 +83,13 @@ class ViewWork(Work):
         """Prepares the frames of a model."""
         self._publishers = dict(zip(STREAMS, publishers, strict=True))
         self._model = model
-        self._step_ns = 1e9 * float(StepTime(float(model.opt.timestep)).timestep)
         self._writers: dict[str, FrameWriter | StateWriter] = {FRAME: FrameWriter(model), STATE: StateWriter(model)}
         self._overlays: OverlayWriter | None = None
         return ""
 
     def perform(self, data: mujoco.MjData, job: Job) -> tuple[Report, ...]:
         """Publishes the streams that are asked for, and returns the reports that are."""
-        paused, grips = job.context
-        step = round(job.time_ns / self._step_ns)
+        paused, grips, step = job.context
         for task, writer in self._writers.items():
             if task in job.tasks:
                 flags = PAUSED if paused else 0

@@ -1,0 +1,1 @@
+"""The standard control interface of simulators, ROS package simulation_interfaces."""
