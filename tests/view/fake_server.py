@@ -67,7 +67,9 @@ class FakeServer:
 
     def publisher(self, key):
         if key not in self._publishers:
-            self._publishers[key] = self.session.declare_publisher(key)
+            # A busy machine must not drop any.
+            block = zenoh.CongestionControl.BLOCK
+            self._publishers[key] = self.session.declare_publisher(key, congestion_control=block)
         return self._publishers[key]
 
     def frame(self, payload):
