@@ -74,6 +74,8 @@ def test_messages_for_the_server_arrive(ros, zenoh_client):
 
 def test_a_message_from_ros_is_put_once_with_its_type(ros, zenoh_client):
     heard = zenoh_client.listen("probe/twist")
+    # With this answer, the router knows the subscriber.
+    state(zenoh_client)
     # So that the next one to come back is not an echo of an earlier one.
     payload = Twist(angular=Vector3(z=0.1)).to_cdr()
     ros.publisher("/probe/twist", "geometry_msgs/msg/Twist")(payload)
