@@ -3,80 +3,23 @@
 import mujoco
 import numpy as np
 import pytest
+from step_worlds import CARTS, carts, finish, refusal, send, step
 
+from mjplug.physics import loop
 from mjplug.plugin import RequestError
-from mjplug.services import clock, set_pause, step_simulation
 from mjplug.services.stepping import service as stepping
-from mjplug.services.stepping.ownership import MAX_TOKEN_WAIT
 from mjplug.testing import World
 from mjplug_plugins.heartbeat import Heartbeat
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
-from mjplug_plugins.lidar import Lidar
-from mjplug_schemas.mjplug_msgs import Sample, Step
-from mjplug_schemas.mujoco_ros2_control_msgs import SetPause, StepSimulation
-from mjplug_schemas.sensor_msgs import JointState, LaserScan
+from mjplug_schemas.mjplug_msgs import Sample
+from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
+from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64, Float64MultiArray, String
-
-CARTS = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom type="plane" size="5 5 .1"/>
-    <body name="a" pos="0 0 1"><joint name="a" type="slide" axis="1 0 0"/><geom type="sphere" size=".1"/></body>
-    <body name="b" pos="0 1 1"><joint name="b" type="slide" axis="1 0 0"/><geom type="sphere" size=".1"/></body>
-    <body name="ball" pos="0 2 .1"><freejoint/><geom type="sphere" size=".1"/></body>
-  </worldbody>
-  <actuator><motor name="a" joint="a"/><motor name="b" joint="b" gear="2"/></actuator>
-  <sensor><jointpos joint="a"/><actuatorfrc actuator="b"/></sensor>
-</mujoco>
-"""
 
 
 @pytest.fixture
 def world():
-    world = World(CARTS, paused=True)
-    host = world.host("mjplug")
-    set_pause.offer(host, world.loop)
-    ownership = stepping.offer(host, world.loop, world.transport, world.topics, "mjplug")
-    step_simulation.offer(host, world.loop, ownership)
-    clock.offer(host, world.loop, rate=100.0)
-    world.ownership = ownership
-    return world
-
-
-def send(world, owner="", **fields):
-    parameters = {"owner": owner} if owner else {}
-    return world.transport.call("/mjplug/step", Step.Request(**fields), **parameters)
-
-
-def finish(world, call, turns=1000):
-    for _ in range(turns):
-        if call.answered:
-            return call
-        world.loop.inbox.post(lambda: None)
-        world.loop.turn()
-    raise AssertionError("the request was not answered")
-
-
-def step(world, owner="", **fields):
-    call = finish(world, send(world, owner, **fields))
-    assert call.refusal is None, call.refusal
-    return call.response
-
-
-def refusal(world, owner="", **fields):
-    before = world.simulation.step, world.data.ctrl.copy(), world.data.qpos.copy()
-    call = finish(world, send(world, owner, **fields))
-    assert call.refusal is not None
-    assert world.simulation.step == before[0]
-    assert np.array_equal(world.data.ctrl, before[1])
-    assert np.array_equal(world.data.qpos, before[2])
-    return call.refusal
-
-
-def token(world, owner, present=True):
-    world.transport.tokens["mjplug/@step/*"](f"mjplug/@step/{owner}", present)
-    world.loop.step(0)
+    return carts()
 
 
 def alone(controls, steps, observe):
@@ -312,45 +255,9 @@ def test_clock_is_published_once_per_request(world):
     assert [message.clock.nanosec for message in world.published("/clock")] == [6_000_000]
 
 
-def test_a_second_client_cannot_step_until_the_first_has_left(world):
-    token(world, "one")
-    token(world, "two")
-    step(world, "one", ctrl=[1.0, 0.0])
-    other = "another client steps this server (owner 'one'); wait until it has disconnected"
-    assert refusal(world, "two", ctrl=[9.0, 9.0]) == other
-    assert refusal(world, ctrl=[9.0, 9.0]) == other
-    assert world.call("/mjplug/step_simulation", StepSimulation.Request(steps=1)).refusal == other
-    step(world, "one")
-    token(world, "one", present=False)
-    assert step(world, "two", observe=["ctrl"]).observations[0] == 1.0
-
-
-def test_a_request_waits_for_the_token_of_its_client(world):
-    call = send(world, "late")
-    world.loop.step(0)
-    assert not call.answered
-    token(world, "late")
-    assert finish(world, call).response.step == 1
-
-
-def test_a_client_without_token_is_refused(world):
-    call = send(world, "ghost", ctrl=[1.0, 1.0])
-    world.loop.step(0)
-    _, event = world.ownership._awaited["ghost"]
-    world.ownership.expire(float("inf"))
-    assert event.is_set
-    assert MAX_TOKEN_WAIT < 10.0
-    assert "the liveliness token mjplug/@step/ghost does not exist" in finish(world, call).refusal
-    assert not world.data.ctrl.any()
-    assert world.ownership.owner == ""
-
-
-@pytest.mark.parametrize("name", ["a/b", "*", "x" * 65, "ä"])
-def test_the_name_of_an_owner_is_checked(world, name):
-    assert "it must have 1 to 64 English letters" in refusal(world, name)
-
-
-def test_few_steps_are_taken_before_calls_that_were_posted_after_the_request(world):
+def test_few_steps_are_taken_before_calls_that_were_posted_after_the_request(world, monkeypatch):
+    # A busy machine may need longer for the first call, and the others would then wait for the next drain.
+    monkeypatch.setattr(loop, "MAX_BATCH_TIME", 60.0)
     call = send(world, ctrl=[1.0, 0.0] * 3, observe=["qpos"])
     seen = []
     world.loop.inbox.post(lambda: seen.append((call.answered, world.simulation.step)))
@@ -364,17 +271,6 @@ def test_few_steps_are_taken_before_calls_that_were_posted_after_the_request(wor
     assert world.simulation.step == 4
 
 
-def test_thousands_of_requests_that_wait_are_answered_in_their_order(world):
-    token(world, "one")
-    first = send(world, "one", steps=1000)
-    world.loop.step(0)
-    assert not first.answered
-    # With and without steps, because those without end at once.
-    calls = [send(world, "one", steps=i % 2, observe=["qpos"]) for i in range(3000)]
-    finish(world, calls[-1], turns=10_000)
-    assert [call.response.step for call in calls] == [1000 + (i + 1) // 2 for i in range(3000)]
-
-
 def test_a_fatal_error_of_mujoco_during_the_steps_of_a_request_ends_the_server(world, monkeypatch):
     def fail(*_):
         raise mujoco.FatalError("the stack is full")
@@ -384,105 +280,3 @@ def test_a_fatal_error_of_mujoco_during_the_steps_of_a_request_ends_the_server(w
     world.loop.step(0)
     assert world.loop.stopping
     assert "the stack is full" in str(world.loop.failure)
-
-
-def test_the_steps_of_an_owner_that_leaves_end(world):
-    token(world, "one")
-    token(world, "two")
-    call = send(world, "one", steps=1_000_000_000)
-    world.loop.turn()
-    assert world.simulation.step > 0
-    token(world, "one", present=False)
-    taken = world.simulation.step
-    assert finish(world, call).refusal == (
-        f"the client that requested the steps has left ({taken} of 1000000000 steps were taken)"
-    )
-    assert step(world, "two").step == taken + 1
-
-
-def test_requests_of_one_owner_are_taken_in_turn(world):
-    token(world, "one")
-    calls = [send(world, "one", steps=3, ctrl=[float(i), 0.0], observe=["ctrl"]) for i in range(4)]
-    finish(world, calls[-1])
-    assert [call.response.step for call in calls] == [3, 6, 9, 12]
-    assert [call.response.observations[0] for call in calls] == [0.0, 1.0, 2.0, 3.0]
-
-
-def test_unnamed_clients_cannot_step_during_the_steps_of_another(world):
-    first = send(world, steps=1_000_000_000)
-    world.loop.turn()
-    second = send(world, ctrl=[5.0, 5.0])
-    world.loop.turn()
-    assert second.refusal == "another client steps this server; wait until its steps have been taken"
-    world.call("/mjplug/set_pause", SetPause.Request(paused=True))
-    assert "interrupted: the simulation was paused" in first.refusal
-    assert not world.data.ctrl.any()
-
-
-def test_a_worker_that_works_on_the_last_state_delays_the_answer(world):
-    call = send(world, steps=5)
-    world.host("camera").create_timer(0.01, lambda: world.loop.lockstep.add("camera"))
-    for _ in range(20):
-        world.loop.inbox.post(lambda: None)
-        world.loop.turn()
-    assert world.simulation.step == 5
-    assert not call.answered
-    world.loop.inbox.post(lambda: world.loop.lockstep.discard("camera"))
-    assert finish(world, call).response.step == 5
-
-
-EYE = """
-<mujoco>
-  <option timestep="0.002" gravity="0 0 0"/>
-  <worldbody>
-    <geom type="box" size=".1 9 9" pos="5 0 0"/>
-    <body name="carrier"><joint name="x" type="slide" axis="1 0 0"/><geom size=".2"/><site name="eye"/></body>
-  </worldbody>
-  <actuator><velocity joint="x" kv="1000"/></actuator>
-</mujoco>
-"""
-
-
-def scanner(sync, **parameters):
-    world = World(EYE, paused=True)
-    host = world.host("mjplug")
-    world.ownership = stepping.offer(host, world.loop, world.transport, world.topics, "mjplug")
-    settings = {"site": "eye", "resolution": (8, 1), "azimuth_range": (-0.4, 0.4), "elevation_range": (0.0,)}
-    settings |= {"max_range": 100.0, "update_rate": 10.0, "frame_name": "eye", "topic": "/scan"}
-    world.add(Lidar, "lidar", sync=sync, front=settings, **parameters)
-    return world
-
-
-def test_a_scan_belongs_to_exactly_the_last_boundary():
-    world = scanner(sync=True)
-    for steps in (3, 50, 7):
-        response = step(world, steps=steps, ctrl=[0.5], outputs=["/scan"], observe=["qpos"])
-        (sample,) = response.outputs
-        scan = LaserScan.from_cdr(sample.cdr)
-        assert sample.fresh
-        assert scan.header.stamp == response.stamp
-        distance = (4.9 - response.observations[0]) / np.cos(scan.angle_min)
-        assert scan.ranges[0] == pytest.approx(distance, rel=1e-6)
-    # At rest, and without an action.
-    (again,) = step(world, steps=0, outputs=["/scan", "/scan"][:1]).outputs
-    assert again == sample
-
-
-def test_a_scan_for_which_physics_does_not_wait_is_refused():
-    reason = refusal(scanner(sync=False), outputs=["/scan"], ctrl=[1.0])
-    assert reason == (
-        "outputs[0] (/scan): a worker process publishes it, and physics does not wait for it; set its plugin's sync"
-    )
-
-
-def test_a_scan_that_is_lost_is_reported():
-    world = scanner(sync=True)
-    worker = world.workers.workers["lidar"]
-    worker.hold()
-    call = send(world, steps=2, outputs=["/scan"])
-    for _ in range(5):
-        world.loop.inbox.post(lambda: None)
-        world.loop.turn()
-    (job, _), worker._waiting = worker._waiting, None
-    worker.spec.on_lost(job.tasks, "the process was killed")
-    assert finish(world, call).refusal == "no sample of /scan: the process was killed; all steps were taken"
