@@ -8,6 +8,7 @@ Terms:
     Stepper: An object, such as a plugin, whose `update` is called before every step while it is active.
 """
 
+import math
 from collections.abc import Callable, Generator
 from time import perf_counter
 from typing import TypeVar
@@ -216,10 +217,11 @@ class Loop:
     def step(self, steps: int = 1) -> None:
         """Takes steps at full speed, paused or not, and runs everything that is due; with 0, only the latter.
 
-        Returns early after `stop` or a divergence. Between steps it waits until `lockstep` is empty, but not after the
+        All calls that are posted before are made before the first step, however long they take. Returns early after
+        `stop` or a divergence. Between steps it waits until `lockstep` is empty, but not after the
         last step.
         """
-        self._poll()
+        self._poll(math.inf)
         target = self.simulation.step + steps
         while self.simulation.step < target and not self._stopping:
             if self.lockstep:
@@ -241,7 +243,7 @@ class Loop:
 
         It waits until the deadline of the next step, or until a call is posted.
         """
-        polled = self._poll()
+        polled = self._poll(MAX_BATCH_TIME)
         step = self.simulation.step
         if self._stopping:
             return
@@ -297,11 +299,15 @@ class Loop:
         self.inbox.wait(max(0.0, seconds))
         self.simulation.mark_poses_outdated()
 
-    def _poll(self) -> bool:
-        """Runs posted calls, then everything due at this boundary; returns whether there were posted calls."""
+    def _poll(self, limit: float) -> bool:
+        """Runs posted calls, then everything due at this boundary; returns whether there were posted calls.
+
+        Args:
+            limit: Wall time after which no further call is made [s].
+        """
         posted = not self.inbox.empty()
         if posted:
-            self.inbox.drain(MAX_BATCH_TIME)
+            self.inbox.drain(limit)
             self.simulation.mark_poses_outdated()
         self._run_due()
         return posted

@@ -8,6 +8,7 @@ import pytest
 from recorder import Recorder
 
 from mjplug.errors import ModelError
+from mjplug.physics import loop
 from mjplug.physics.reset import Reset
 from mjplug.physics.simulation import Simulation
 from mjplug.testing import World
@@ -302,3 +303,12 @@ def test_a_time_step_that_cannot_be_counted_is_refused(timestep):
     model = mujoco.MjModel.from_xml_string(f'<mujoco><option timestep="{timestep}"/><worldbody/></mujoco>')
     with pytest.raises(ModelError, match=r"the model's timestep is .* s; it must be between 1e-09 and 1000 s"):
         Simulation(model)
+
+
+def test_a_step_waits_for_all_calls_that_were_posted_before_however_long_they_take(box_world, monkeypatch):
+    monkeypatch.setattr(loop, "MAX_BATCH_TIME", 0.0)
+    seen = []
+    for _ in range(3):
+        box_world.loop.inbox.post(lambda: seen.append(box_world.simulation.step))
+    box_world.step()
+    assert seen == [0, 0, 0]
