@@ -1,7 +1,8 @@
 """A message that is encoded as CDR once; its numbers are then written in place, at little cost per message."""
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,24 +19,28 @@ _PADDING = 4
 """Number of bytes that are put before the payload and then removed [bytes]. CPython leaves the rest in place, so the
 body starts at a multiple of 8 and numpy's views are aligned. Other interpreters may copy; views are then slower."""
 
+_WIDEST = 8
+"""Size of the widest number, to which it is aligned [bytes]."""
+
 _STAMP = struct.Struct("<iI")
 _NANOSECONDS = 1_000_000_000
 
-_DTYPES = {
+_CODES = {
     "bool": "?",
-    "byte": "u1",
-    "char": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "<i2",
-    "uint16": "<u2",
-    "int32": "<i4",
-    "uint32": "<u4",
-    "int64": "<i8",
-    "uint64": "<u8",
-    "float32": "<f4",
-    "float64": "<f8",
+    "byte": "B",
+    "char": "B",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float32": "f",
+    "float64": "d",
 }
+"""Codes of numbers for `struct` and numpy."""
 
 
 class CdrFrame:
@@ -99,6 +104,29 @@ class CdrFrame:
         index = np.concatenate([np.arange(at, at + span.count) for at, span in zip(first, spans, strict=True)])
         return Slots(words, index.astype(np.intp))
 
+    def writer(self, paths: Sequence[str]) -> Callable[..., None]:
+        """Returns a function that writes the numbers of several fields at once; its arguments are the numbers.
+
+        This is the fastest way to write a few numbers.
+
+        Args:
+            paths: Fields as for `view`, of any numeric types, in the order of the message. Only padding may lie between
+                them.
+
+        Raises:
+            UnknownName: The message has no such field.
+            TypeError: The fields contain text, or other values lie between them.
+        """
+        spans = [span for path in paths for span in self._spans(path)]
+        layout, end = "<", spans[0].offset
+        for span in spans:
+            code, gap = _CODES.get(span.primitive), span.offset - end
+            if code is None or not 0 <= gap < _WIDEST:
+                raise TypeError(f"{', '.join(paths)} are not adjacent numbers")
+            layout += f"{gap}x{span.count}{code}"
+            end = span.offset + span.count * struct.calcsize(f"<{code}")
+        return partial(struct.Struct(layout).pack_into, self.buffer, spans[0].offset)
+
     def set_stamp(self, path: str, time_ns: int) -> None:
         """Writes a builtin_interfaces/Time.
 
@@ -136,9 +164,9 @@ class CdrFrame:
     @staticmethod
     def _dtype(path: str, spans: list[Span]) -> "np.dtype[Any]":
         kinds = {span.primitive for span in spans}
-        if len(kinds) != 1 or not kinds <= _DTYPES.keys():
+        if len(kinds) != 1 or not kinds <= _CODES.keys():
             raise TypeError(f"{path!r} contains {' and '.join(sorted(kinds))}; a view needs numbers of one type")
-        return np.dtype(_DTYPES[kinds.pop()])
+        return np.dtype("<" + _CODES[kinds.pop()])
 
 
 class Slots:

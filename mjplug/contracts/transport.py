@@ -100,11 +100,14 @@ class Call(Protocol):
         """The parameters of the Zenoh selector: `{'wait': 'false'}` for `…?wait=false`."""
 
     @property
-    def form(self) -> Literal["cdr", "json"]:
-        """The form in which the response is sent; `cdr` for a call in this process."""
+    def form(self) -> Literal["cdr", "json", "message"]:
+        """The form in which the response is sent; `message` for a call in this process, which is not encoded."""
 
     def respond(self, response: Message) -> None:
         """Sends the response in the encoding of the request; later calls are ignored."""
+
+    def respond_frame(self, frame: CdrFrame) -> None:
+        """Sends a response whose numbers were written into a CDR frame; the frame may be changed afterwards."""
 
     def refuse(self, reason: str) -> None:
         """Reports that the request failed: with `success=False` if the type has this field, or with an error reply."""

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeVar
 
 from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers, ActionTransport
+from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Call, Publisher, ServiceName, Topic
 from mjplug.errors import UnknownName
 from mjplug.wakeup import Flag
@@ -24,7 +25,7 @@ class LocalCall:
         answers: Number of answers from the service; only the first one counts.
     """
 
-    form: Literal["cdr", "json"] = "cdr"
+    form: Literal["cdr", "json", "message"] = "message"
 
     def __init__(self, request: Message, parameters: Mapping[str, str] = MappingProxyType({})) -> None:
         self.request = request
@@ -43,6 +44,10 @@ class LocalCall:
         if not self.answered:
             self.response = response
         self.answers += 1
+
+    def respond_frame(self, frame: CdrFrame) -> None:
+        """Stores a copy of the response in a frame."""
+        self.respond(frame.type.from_cdr(frame.payload()))
 
     def refuse(self, reason: str) -> None:
         """Stores the reason, unless the service has already answered."""

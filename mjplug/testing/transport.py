@@ -193,8 +193,17 @@ class FakeTransport:
             raise KeyError(f"no plugin provides {name}; services: {', '.join(sorted(self._services)) or 'none'}")
         service: type[Service] = self.types[name]
         call = LocalCall(service.Request() if request is None else request, parameters)
-        self._services[name](call)
+        self.deliver(name, call)
         return call
+
+    def deliver(self, name: str, call: Call) -> None:
+        """Sends a request to a service, which answers the call.
+
+        Args:
+            name: The service's full name; a plugin must provide it.
+            call: The request.
+        """
+        self._services[name](call)
 
     def send_goal(self, name: str, goal: Message | None = None, **parameters: str) -> FakeGoal:
         """Sends a goal to an action, which handles it before the next step.

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Mapping
 from typing import Literal, Protocol
 
+from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.log import ros_string
 from mjplug.wire.dialect import RawRequest
 from mjplug.wire.encoding import Form, encode
@@ -69,14 +70,24 @@ class WireCall:
                 f"the response of {self.service.TYPE} must be a {self.service.Response.TYPE}, "
                 f"not {type(response).__name__}"
             )
-        payload = encode(response, self.form)
-        if raw := self._take():
-            self._open_calls.replies.post(lambda: raw.reply(payload, self.form))
+        if self._raw:
+            self._send(encode(response, self.form))
+
+    def respond_frame(self, frame: CdrFrame) -> None:
+        """Sends the response in a frame, unless the call has been answered."""
+        payload = frame.payload()
+        if self.form != "cdr":
+            payload = encode(frame.type.from_cdr(payload), self.form)
+        self._send(payload)
 
     def refuse(self, reason: str) -> None:
         """Reports that the request failed, unless the call has been answered."""
         if raw := self._take():
             self._open_calls.refuse(raw, self.service, reason, self.form)
+
+    def _send(self, payload: bytes) -> None:
+        if raw := self._take():
+            self._open_calls.replies.post(lambda: raw.reply(payload, self.form))
 
     def _take(self) -> RawRequest | None:
         try:

@@ -120,10 +120,13 @@ class PlainRequest:
     """A query on a plain key. Implements `mjplug.wire.dialect.RawGoal`, and so `RawRequest`."""
 
     def __init__(self, query: zenoh.Query, key: str, encodings: Mapping[Form, zenoh.Encoding]) -> None:
-        self.received = Received(query.payload, query.encoding)
-        self.parameters = parameters(query)
-        self.needs_response = _from_bridge(query.attachment)
-        self.size = size_of(query)
+        payload, attachment, text = query.payload, query.attachment, str(query.parameters)
+        self.received = Received(payload, query.encoding)
+        self.parameters = parsed(text)
+        self.needs_response = attachment is not None and _from_bridge(attachment)
+        self.size = (len(payload) if payload is not None else 0) + len(text)
+        if attachment is not None:
+            self.size += len(attachment)
         self._query = query
         self._key = key
         self._encodings = encodings
@@ -148,15 +151,13 @@ class PlainRequest:
         self._query.drop()  # type: ignore[no-untyped-call]
 
 
-def size_of(query: zenoh.Query) -> int:
-    """Returns the size of the data that Zenoh keeps until a query is answered [bytes]."""
-    parts = (query.payload, query.attachment)
-    return sum(len(part) for part in parts if part is not None) + len(str(query.parameters))
-
-
 def parameters(query: zenoh.Query) -> Mapping[str, str]:
     """Returns the parameters of a query's selector, percent-decoded."""
-    text = str(query.parameters)
+    return parsed(str(query.parameters))
+
+
+def parsed(text: str) -> Mapping[str, str]:
+    """Returns the parameters in a text, percent-decoded."""
     if not text:
         return {}
     pairs = (pair.partition("=") for pair in text.split(";") if pair)
@@ -171,7 +172,5 @@ def _sample_handler(receive: Callable[[Received], None], only: Form | None) -> C
     return handle
 
 
-def _from_bridge(attachment: zenoh.ZBytes | None) -> bool:
-    if attachment is None or len(attachment) != _BRIDGE_ATTACHMENT_SIZE:
-        return False
-    return bytes(attachment).startswith(_BRIDGE_MARK)
+def _from_bridge(attachment: zenoh.ZBytes) -> bool:
+    return len(attachment) == _BRIDGE_ATTACHMENT_SIZE and bytes(attachment).startswith(_BRIDGE_MARK)

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from mjplug_schemas import cdr_layout
 from mjplug_schemas.cdr_layout import Span
 from mjplug_schemas.cdr_operations import Blank, Fault, Number, Operation, Run, Text
-from mjplug_schemas.cdr_sequences import Element, Extent, Numbers, Octets, Structs, Texts
+from mjplug_schemas.cdr_sequences import Element, Extent, Numbers, Octets, Rest, Structs, Texts
 from mjplug_schemas.errors import CodecError
 from mjplug_schemas.idl import Primitive
 from mjplug_schemas.shape import fields
@@ -25,8 +25,9 @@ M = TypeVar("M", bound=BaseModel)
 _LITTLE_ENDIAN = b"\0\1\0\0"
 _BYTE_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
 # Frozen models refuse normal assignment, and these setters are faster than object.__setattr__.
-_set_fields_set, _set_extra, _set_private = (
-    vars(BaseModel)[name].__set__ for name in ("__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__")
+_set_dict, _set_fields_set, _set_extra, _set_private = (
+    vars(BaseModel)[name].__set__
+    for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__")
 )
 # Cyclone DDS pads messages with zeros to a multiple of 4. More bytes indicate a message of another type.
 _MAX_PADDING = 3
@@ -35,8 +36,8 @@ _MAX_PADDING = 3
 def unchecked(message: type[M], values: dict[str, Any]) -> M:
     """Returns a message with the given values of all its fields, which are not validated."""
     built = message.__new__(message)
-    built.__dict__.update(values)
-    _set_fields_set(built, set(values))
+    _set_dict(built, values)
+    _set_fields_set(built, _all_fields(message))
     _set_extra(built, None)
     _set_private(built, None)
     return built
@@ -129,6 +130,10 @@ def _plan(message: type[BaseModel], order: str, packed: bool = False) -> tuple[O
             end_run()
             plan.append(step)
     end_run()
+    if packed:
+        end = next((i for i, step in enumerate(plan, 1) if isinstance(step, Numbers)), len(plan))
+        if end < len(plan):
+            return (*plan[:end], Rest(tuple(plan[end:])))
     return tuple(plan)
 
 
@@ -167,6 +172,12 @@ def min_size(message: type[BaseModel]) -> int:
 
 
 @cache
+def _all_fields(message: type[BaseModel]) -> set[str]:
+    # All instances share this set; it is never changed, because messages are frozen and copies copy it.
+    return {field.name for field in fields(message)}
+
+
+@cache
 def _builder(message: type[BaseModel]) -> Callable[[Iterator[Any]], Any]:
     """Returns a function that builds the message from its values in wire order.
 
@@ -179,13 +190,12 @@ def _builder(message: type[BaseModel]) -> Callable[[Iterator[Any]], Any]:
         if field.kind == "one" and not isinstance(field.element, Primitive)
     }
     parts = [(name, inner.get(name, next)) for name in names]
-    # All instances share this set; it is never changed, because messages are frozen and copies copy it.
-    fields_set = set(names)
+    fields_set = _all_fields(message)
 
     def build(values: Iterator[Any]) -> Any:
         built = message.__new__(message)
-        built.__dict__.update(
-            {name: part(values) for name, part in parts} if inner else zip(names, values, strict=False)
+        _set_dict(
+            built, {name: part(values) for name, part in parts} if inner else dict(zip(names, values, strict=False))
         )
         _set_fields_set(built, fields_set)
         _set_extra(built, None)

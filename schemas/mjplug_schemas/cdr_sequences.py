@@ -13,6 +13,13 @@ _NATIVE = "<" if sys.byteorder == "little" else ">"
 """The byte order of this machine."""
 
 
+_MAX_KEPT_SIZE = 512
+"""Maximum size of the end of a message whose values are kept [bytes]."""
+
+_MAX_KEPT = 64
+"""Maximum number of ends that are kept for each type and alignment."""
+
+
 class Extent(NamedTuple):
     """The allowed number of elements.
 
@@ -258,6 +265,50 @@ class Structs(Counted):
                 raise fault.within(f"{self._path}[{i}]") from None
         queue = iter(parts)
         values.append(tuple([self._build(queue) for _ in range(count)]))
+        return at
+
+
+class Rest:
+    """The operations after the first sequence of numbers, when messages are read packed.
+
+    Clients that repeat a request change its numbers, but hardly ever its names. The values of the last different ends
+    are therefore kept; they are immutable, so several messages may share them.
+
+    Args:
+        plan: The operations.
+    """
+
+    def __init__(self, plan: tuple[Operation, ...]) -> None:
+        self._plan = plan
+        # One dictionary for each alignment.
+        self._known: list[dict[bytes, tuple[Any, ...]]] = [{} for _ in range(8)]
+
+    def write(self, out: bytearray, message: Any) -> None:
+        """Appends the values."""
+        for operation in self._plan:
+            operation.write(out, message)
+
+    def read(self, source: bytes, at: int, values: list[Any]) -> int:
+        """Reads the values."""
+        size = len(source) - at
+        if size > _MAX_KEPT_SIZE:
+            return self._read(source, at, values)
+        known, end = self._known[at & 7], source[at:]
+        found = known.get(end)
+        if found is None:
+            first = len(values)
+            after = self._read(source, at, values)
+            if len(known) >= _MAX_KEPT:
+                known.clear()
+            known[end] = (after - at, *values[first:])
+            return after
+        length, *kept = found
+        values += kept
+        return at + length
+
+    def _read(self, source: bytes, at: int, values: list[Any]) -> int:
+        for operation in self._plan:
+            at = operation.read(source, at, values)
         return at
 
 

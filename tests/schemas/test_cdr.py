@@ -40,6 +40,7 @@ from mjplug_schemas.idl import (
     uint64,
 )
 from mjplug_schemas.message import Message
+from mjplug_schemas.mjplug_msgs import Sample, Step
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointStateArray
 from mjplug_schemas.sensor_msgs import JointState, PointField
 from mjplug_schemas.shape import fields
@@ -256,3 +257,27 @@ def test_a_decoded_message_is_like_a_constructed_one():
     assert repr(decoded) == repr(constructed)
     assert decoded.model_dump() == constructed.model_dump()
     assert decoded.model_copy(update={"name": ("b",)}) == JointState(name=["b"], position=[1.0])
+
+
+def test_packed_messages_with_equal_ends_differ_in_their_numbers_only():
+    def request(steps, ctrl, *observe):
+        return Step.Request(steps=steps, ctrl=ctrl, observe=observe, inputs=[Sample(topic="/a", cdr=b"abc")])
+
+    for i in range(200):
+        # The end is at another alignment if the number of controls is odd, and there are more ends than are kept.
+        expected = request(i, [float(i)] * (i % 3), "qpos", f"a{i % 90}")
+        read = Step.Request.from_cdr(expected.to_cdr(), packed=True)
+        assert read == expected.model_copy(update={"ctrl": read.ctrl})
+        assert list(read.ctrl) == list(expected.ctrl)
+
+
+def test_an_invalid_end_of_a_packed_message_is_refused_each_time():
+    good = Step.Request(ctrl=[1.0], observe=["qpos"]).to_cdr()
+    for _ in range(2):
+        Step.Request.from_cdr(good, packed=True)
+        with pytest.raises(CodecError, match="observe"):
+            Step.Request.from_cdr(good.replace(b"qpos\0", b"qposx"), packed=True)
+        with pytest.raises(CodecError, match="more bytes follow"):
+            Step.Request.from_cdr(good + bytes(8), packed=True)
+        with pytest.raises(CodecError, match="remain"):
+            Step.Request.from_cdr(good[:-2], packed=True)

@@ -3,14 +3,15 @@
 import mujoco
 import numpy as np
 import pytest
-from step_worlds import CARTS, carts, finish, refusal, send, step
+from step_worlds import CARTS, carts, finish, refusal, send, step, token
 
 from mjplug.plugin import RequestError
+from mjplug.server.local_calls import LocalCall
 from mjplug.services.stepping import service as stepping
 from mjplug.testing import World
 from mjplug_plugins.heartbeat import Heartbeat
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
-from mjplug_schemas.mjplug_msgs import Sample
+from mjplug_schemas.mjplug_msgs import Sample, Step
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64, Float64MultiArray, String
@@ -257,15 +258,52 @@ def test_clock_is_published_once_per_request(world):
 def test_few_steps_are_taken_before_calls_that_were_posted_after_the_request(world):
     call = send(world, ctrl=[1.0, 0.0] * 3, observe=["qpos"])
     seen = []
-    world.loop.inbox.post(lambda: seen.append((call.answered, world.simulation.step)))
-    world.loop.step(0)
+    world.loop.inbox.post(lambda: seen.append(world.simulation.step))
+    while not seen:
+        world.loop.step(0)
     # A posted call ends the batch, so at least the first of the three actions has been taken.
-    assert seen[0][1] >= 1
+    assert seen[0] >= 1
     finish(world, call)
     later = send(world)
     world.loop.step(0)
     assert later.answered
     assert world.simulation.step == 4
+
+
+class EncodedCall(LocalCall):
+    """A request in CDR."""
+
+    form = "cdr"
+
+    def respond_frame(self, frame):
+        self.payload = frame.payload()
+        super().respond_frame(frame)
+
+
+@pytest.mark.parametrize("steps", [0, 1, 7])
+@pytest.mark.parametrize("actions", [1, 3])
+@pytest.mark.parametrize("observe", [[], ["qpos"], ["xpos", "act", "qvel", "qpos"]])
+def test_a_response_in_cdr_equals_the_encoded_message(world, steps, actions, observe):
+    if not steps and actions > 1:
+        return
+    other = World(CARTS, paused=True)
+    stepping.offer(other.host("mjplug"), other.loop, other.transport, other.topics, "mjplug")
+    for repeat in range(3):
+        fields = {"steps": steps, "ctrl": [0.5 + repeat, -1.0] * actions, "observe": observe}
+        call = EncodedCall(Step.Request(**fields))
+        world.transport.deliver("/mjplug/step", call)
+        assert finish(world, call).payload == step(other, **fields).to_cdr()
+
+
+def test_a_long_request_in_cdr_keeps_its_results_while_others_wait(world):
+    token(world, "one")
+    calls = [EncodedCall(Step.Request(steps=100, observe=["qpos"]), {"owner": "one"}) for _ in range(3)]
+    for call in calls:
+        world.transport.deliver("/mjplug/step", call)
+    for i, call in enumerate(calls, 1):
+        response = finish(world, call).response
+        assert response.step == 100 * i
+        assert response.observations == tuple(alone([[0.0, 0.0]], 100 * i, ["qpos"])[0])
 
 
 def test_a_fatal_error_of_mujoco_during_the_steps_of_a_request_ends_the_server(world, monkeypatch):

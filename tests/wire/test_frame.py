@@ -11,6 +11,7 @@ from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.errors import UnknownName
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.geometry_msgs import Point, Pose, PoseStamped, Quaternion
+from mjplug_schemas.mjplug_msgs import Step
 from mjplug_schemas.mujoco_ros2_control_msgs import FreeJointState, FreeJointStateArray
 from mjplug_schemas.sensor_msgs import Image, JointState, PointCloud2, PointField
 from mjplug_schemas.std_msgs import Bool, Float32MultiArray, Header, String
@@ -109,6 +110,28 @@ def test_a_payload_is_a_copy():
     frame.view("position")[0] = 2.0
     assert JointState.from_cdr(before).position == (1.0,)
     assert JointState.from_cdr(frame.payload()).position == (2.0,)
+
+
+@given(st.integers(0, 2**64 - 1), STAMP, st.integers(0, 2**32 - 1), st.lists(NUMBER, max_size=3), TEXT)
+def test_a_writer_writes_adjacent_numbers_of_several_types(step, time_ns, epoch, values, text):
+    stamp = divmod(time_ns, 10**9)
+    frame = CdrFrame(Step.Response(message=text, observations=values, widths=[len(values)]))
+    frame.writer(("step", "stamp", "epoch"))(step, *stamp, epoch)
+    expected = Step.Response(
+        message=text,
+        step=step,
+        stamp=Time(sec=stamp[0], nanosec=stamp[1]),
+        epoch=epoch,
+        observations=values,
+        widths=[len(values)],
+    )
+    assert frame.payload() == expected.to_cdr()
+
+
+@pytest.mark.parametrize("paths", [("message",), ("epoch", "step"), ("step", "epoch"), ("success", "step")])
+def test_a_writer_needs_adjacent_numbers(paths):
+    with pytest.raises(TypeError, match=f"{', '.join(paths)} are not adjacent numbers"):
+        CdrFrame(Step.Response(message="a text")).writer(paths)
 
 
 def test_an_unknown_field_is_named_with_a_suggestion():

@@ -13,9 +13,13 @@ from mjplug.plugin import Call, Host, Slow
 from mjplug.services.stepping.actions import MAX_ACTIONS, checked_controls
 from mjplug.services.stepping.arrays import Observed, check_count
 from mjplug.services.stepping.ownership import Ownership
+from mjplug.services.stepping.response_frame import ResponseFrames
 from mjplug.services.stepping.samples import Inputs, Outputs
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.mjplug_msgs import Step
+
+_ANSWERED = Step.Response(success=True)
+"""Returned by the handler after the response has been sent; it is ignored."""
 
 _MAX_CACHED = 64
 """Maximum number of sets of observed arrays that are kept for later requests."""
@@ -56,13 +60,16 @@ class _Plan:
         actions: Number of actions.
         observed: The arrays that are observed after each action.
         values: The values observed so far, one row for each action.
+        frame: The response in CDR, which contains `values`; None if the response is built as a message.
         inputs: The messages to handle before the first step.
         outputs: The topics whose samples are wanted.
         begun: Whether the inputs have been handled.
         goal: The steps; None before they have begun, and if there are none.
     """
 
-    def __init__(self, request: Any, form: str, loop: Loop, topics: Topics, observed: Observed) -> None:
+    def __init__(
+        self, request: Any, form: str, loop: Loop, topics: Topics, observed: Observed, frames: ResponseFrames
+    ) -> None:
         nu = observed.nu
         self.observed = observed
         self._controls = checked_controls(request.ctrl, nu)
@@ -78,7 +85,13 @@ class _Plan:
         check_count(observed.width * actions, form)
         self.inputs = Inputs(topics, request.inputs) if request.inputs else None
         self.outputs = Outputs(topics, request.outputs, form) if request.outputs else None
-        self.values = memoryview(bytearray(8 * observed.width * actions)).cast("d")
+        # Several requests may have the same frame, because one begins its steps only after the one before has ended.
+        self.frame = frames.frame(observed, actions) if form == "cdr" and self.outputs is None else None
+        self.values = (
+            self.frame.values
+            if self.frame is not None
+            else memoryview(bytearray(8 * observed.width * actions)).cast("d")
+        )
         self.begun = False
         self.goal: StepGoal | None = None
 
@@ -106,6 +119,7 @@ class _Stepping:
         self._topics = topics
         self._ownership = ownership
         self._observed: dict[tuple[str, ...], Observed] = {}
+        self._frames = ResponseFrames()
         # The request whose steps are being taken, and the name of its client.
         self._goal: StepGoal | None = None
         self._client = ""
@@ -116,12 +130,13 @@ class _Stepping:
         """Handles one request: at once if its steps take little time, otherwise as a slow service."""
         client = self._ownership.name_in(call.parameters)
         self._check_turn(client)
-        plan = _Plan(request, call.form, self._loop, self._topics, self._observe(tuple(request.observe)))
+        observed = self._observe(tuple(request.observe))
+        plan = _Plan(request, call.form, self._loop, self._topics, observed, self._frames)
         if plan.outputs is None and self._last is None and self._is_present(client):
             self._take(plan, client)
             if self._goal is None:
-                return self._response(plan, call.form)
-        return self._in_turn(plan, call.form, client)
+                return self._response(plan, call)
+        return self._in_turn(plan, call, client)
 
     def owner_left(self, name: str) -> None:
         """Cancels the steps of a client that has left."""
@@ -169,7 +184,7 @@ class _Stepping:
             if goal.ended.is_set:
                 self._goal = None
 
-    def _in_turn(self, plan: _Plan, form: str, client: str) -> Slow:
+    def _in_turn(self, plan: _Plan, call: Call, client: str) -> Slow:
         """Waits until it is the request's turn, takes its steps and fetches its samples; returns the response."""
         previous, ended = self._last, Event()
         self._last = ended
@@ -191,20 +206,25 @@ class _Stepping:
                         self._goal = None
                 if plan.outputs is not None:
                     yield from plan.outputs.fetch()
-                return self._response(plan, form)
+                return self._response(plan, call)
         finally:
             if self._last is ended:
                 self._last = None
             # Posted, because thousands of requests may wait, each for the one before it.
             self._loop.inbox.post(ended.set)
 
-    def _response(self, plan: _Plan, form: str) -> Step.Response:
-        simulation, goal = self._loop.simulation, plan.goal
+    def _response(self, plan: _Plan, call: Call) -> Step.Response:
+        """Returns the response, or sends it."""
+        simulation, goal, frame = self._loop.simulation, plan.goal, plan.frame
         if goal is not None and goal.failure:
             taken = max(0, simulation.step - goal.start)
             raise RequestError(f"{goal.failure} ({taken} of {goal.last - goal.start} steps were taken)")
         plan.end_action()
         seconds, nanoseconds = divmod(simulation.time_ns, 1_000_000_000)
+        if frame is not None:
+            frame.set_times(simulation.step, seconds, nanoseconds, simulation.epoch)
+            call.respond_frame(frame.frame)
+            return _ANSWERED
         # Not validated: that would take long for many numbers, and all values are known to be valid.
         return Step.Response.unchecked(
             success=True,
@@ -212,7 +232,7 @@ class _Stepping:
             step=simulation.step,
             stamp=Time.unchecked(sec=seconds, nanosec=nanoseconds),
             epoch=simulation.epoch,
-            observations=tuple(plan.values) if form == "json" else plan.values,
+            observations=tuple(plan.values) if call.form == "json" else plan.values,
             widths=plan.observed.widths,
             outputs=() if plan.outputs is None else plan.outputs.samples(),
         )
