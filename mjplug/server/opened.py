@@ -77,6 +77,8 @@ class OpenedServer:
             folder = prepared.loaded.states_folder
             self.server = Server(settings, simulation, self.calls, prepared.plugins, workers, model, folder)
             closing.callback(self.server.end)
+            loop, physics_thread = self.server.loop, threading.get_ident()
+            self.network.open_calls.replies.may_wait = lambda: loop.paused and threading.get_ident() == physics_thread
             # The program that runs the server steps it as a client that is always present.
             self.owner = {"owner": f"local-{uuid.uuid4().hex}"}
             self.server.ownership.changed(self.owner["owner"], present=True)

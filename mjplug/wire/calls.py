@@ -87,7 +87,7 @@ class WireCall:
 
     def _send(self, payload: bytes) -> None:
         if raw := self._take():
-            self._open_calls.replies.post(lambda: raw.reply(payload, self.form))
+            self._open_calls.replies.post(lambda: raw.reply(payload, self.form), len(payload))
 
     def _take(self) -> RawRequest | None:
         try:
@@ -185,7 +185,7 @@ class OpenCalls:
             self.replies.post(lambda: raw.reply_error(reason))
         else:
             payload = encode(response, form)
-            self.replies.post(lambda: raw.reply(payload, form))
+            self.replies.post(lambda: raw.reply(payload, form), len(payload))
 
     def refuse_all(self, reason: str) -> None:
         """Refuses every waiting call."""

@@ -281,7 +281,7 @@ class Rest:
     def __init__(self, plan: tuple[Operation, ...]) -> None:
         self._plan = plan
         # One dictionary for each alignment.
-        self._known: list[dict[bytes, tuple[Any, ...]]] = [{} for _ in range(8)]
+        self._known: list[dict[bytes, tuple[int, list[Any]]]] = [{} for _ in range(8)]
 
     def write(self, out: bytearray, message: Any) -> None:
         """Appends the values."""
@@ -300,9 +300,9 @@ class Rest:
             after = self._read(source, at, values)
             if len(known) >= _MAX_KEPT:
                 known.clear()
-            known[end] = (after - at, *values[first:])
+            known[end] = after - at, values[first:]
             return after
-        length, *kept = found
+        length, kept = found
         values += kept
         return at + length
 

@@ -1,6 +1,7 @@
 """`mjplug.open_server`: its arguments, and how a server is opened."""
 
 import threading
+from queue import Queue
 
 import numpy as np
 import pytest
@@ -34,6 +35,20 @@ def test_a_running_server_answers_its_client_and_is_stopped_after_the_block():
     with pytest.raises(ClientError, match="connection refused by "):
         connect(server.endpoint, timeout=0.0)
     server.stop()
+
+
+def test_only_the_physics_thread_sends_replies_itself_and_only_while_paused():
+    with open_server("bundled:box", paused=True) as server, server.client() as client:
+        replies, inbox = server._opened.network.open_calls.replies, server._opened.server.loop.inbox
+
+        def may_wait():
+            answer = Queue()
+            inbox.post(lambda: answer.put(replies.may_wait()))
+            return answer.get(timeout=60.0)
+
+        assert (replies.may_wait(), may_wait()) == (False, True)
+        client.call("~/set_pause", paused=False)
+        assert (replies.may_wait(), may_wait()) == (False, False)
 
 
 def test_a_server_listens_on_a_free_port_of_this_machine_unless_configured_otherwise(tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ from waits import TIMEOUT
 
 from mjplug.contracts.transport import ServiceName
 from mjplug.errors import WireError
+from mjplug.wire.replies import MAX_DIRECT, Replies
 from mjplug_schemas.mujoco_ros2_control_msgs import StepSimulation
 from mjplug_schemas.std_srvs import Empty, SetBool, Trigger
 
@@ -307,6 +308,44 @@ def test_a_client_that_stops_reading_does_not_hold_up_who_answers(network, clien
         # Far more than the sockets buffer; sent from here, it would wait a second for Zenoh to give the client up.
         assert time.monotonic() - start < 0.5
         process.kill()
+    answers = queue.SimpleQueue()
+    client.session.get("trigger", answers.put, timeout=TIMEOUT)
+    calls.get(timeout=TIMEOUT).respond(Trigger.Response(success=True))
+    assert answers.get(timeout=TIMEOUT).ok is not None
+
+
+def test_short_replies_are_sent_by_a_thread_that_may_wait():
+    replies, threads = Replies(), []
+
+    def send():
+        threads.append(threading.current_thread().name)
+
+    here = threading.current_thread().name
+    replies.post(send)
+    replies.close()
+    assert threads == ["mjplug-replies"]
+    replies = Replies()
+    replies.may_wait = lambda: True
+    replies.post(send, MAX_DIRECT)
+    assert threads == ["mjplug-replies", here]
+    replies.post(send, MAX_DIRECT + 1)
+    replies.close()
+    assert threads == ["mjplug-replies", here, "mjplug-replies"]
+
+
+def test_a_thread_that_may_wait_continues_after_a_client_that_stops_reading(network, client):
+    calls = queue.SimpleQueue()
+    network.open_service(ServiceName("/trigger", Trigger), calls.put)
+    network.open_calls.replies.may_wait = lambda: True
+    config = '{mode: "client", connect: {endpoints: ["%s"]}, scouting: {multicast: {enabled: false}}}'
+    command = [sys.executable, "-c", STOPPED_CLIENT, config % network.session.endpoint]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        held = [calls.get(timeout=TIMEOUT) for _ in range(100)]
+        process.send_signal(signal.SIGSTOP)
+        for call in held:
+            call.respond(Trigger.Response(success=True, message="x" * 60_000))
+        process.kill()
+    assert len(network.open_calls) == 0
     answers = queue.SimpleQueue()
     client.session.get("trigger", answers.put, timeout=TIMEOUT)
     calls.get(timeout=TIMEOUT).respond(Trigger.Response(success=True))
