@@ -1,7 +1,9 @@
 """Every example runs in separate processes, prints the output in its README, and matches an independent computation."""
 
+import hashlib
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -63,11 +65,11 @@ def test_the_numbers_of_the_examples_are_all_there():
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_has_a_configuration_a_script_and_says_how_to_run_it(name):
     assert (EXAMPLES / name / "config.yaml").exists()
-    scripts = [path.name for path in (EXAMPLES / name).glob("*.py") if "\nUsage: python " in path.read_text("utf-8")]
-    assert len(scripts) == 1
+    texts = [path.read_text("utf-8") for path in (EXAMPLES / name).glob("*.py")]
+    (usage,) = [found[1] for text in texts if (found := re.search(r"\nUsage: (python (-m pytest )?\w+\.py)", text))]
     readme = (EXAMPLES / name / "README.md").read_text("utf-8")
     assert f"$ python examples/run.py {name}\n" in readme
-    assert f"`python {scripts[0]}" in readme
+    assert f"`{usage}" in readme
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -218,9 +220,9 @@ def test_the_remote_machine_is_left_out_only_where_there_are_no_namespaces(ran):
     assert left_out(ran("08_remote_machine").stdout) != has_network_namespaces()
 
 
-def by_hand(name, *arguments):
+def by_hand(name, *arguments, config="config.yaml"):
     """Starts the first server of an example on a free port; returns the process and its endpoint."""
-    command = ["-m", "mjplug", "serve", "config.yaml", "--listen", "tcp/127.0.0.1:0", *arguments]
+    command = ["-m", "mjplug", "serve", config, "--listen", "tcp/127.0.0.1:0", *arguments]
     server = subprocess.Popen([sys.executable, *command], cwd=EXAMPLES / name, stdout=subprocess.PIPE, text=True)
     return server, re.search(r"^ready · (\S+)", server.stdout.readline())[1]
 
@@ -270,6 +272,70 @@ def test_lockstep_is_what_mujoco_does_alone_to_the_last_bit(ran):
             for gain, value in zip((2.0, 3.0, 40.0, 7.0), (cart, cart_speed, pole, pole_speed), strict=True)
         )
     assert [float.fromhex(text) for text in printed.split()] == [*data.qpos, *data.qvel]
+
+
+def test_the_pole_swings_up_with_forces_that_mujoco_alone_confirms(ran, tmp_path_factory):
+    printed = ran("14_swing_up").stdout
+    for second, most in ((5, 5.0), (6, 5.0)):
+        assert numbers(rf"^t = {second} s: pole +(\S+) degrees", printed)[0] < most
+    # It is not lifted at once, but swings.
+    assert numbers(r"^t = 1 s: pole +(\S+) degrees", printed)[0] > 90.0
+    (file,) = tmp_path_factory.getbasetemp().glob("elsewhere*/forces.txt")
+    model = mujoco.MjModel.from_xml_path(str(EXAMPLES / "14_swing_up" / "cart_pole.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    forces = np.loadtxt(file)
+    assert len(forces) == 300
+    for force in forces:
+        data.ctrl[0] = force
+        mujoco.mj_step(model, data, 4)
+    assert np.cos(data.qpos[1]) > 0.99
+    state = np.empty(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    assert re.search(r"^digest: (\S+)$", printed, re.MULTILINE)[1] == hashlib.sha256(state.tobytes()).hexdigest()
+
+
+def test_the_policy_learns_to_balance(ran):
+    printed = ran("15_train_a_policy").stdout
+    rewards = [float(text) for text in re.findall(r"mean reward +(\S+), best", printed)]
+    assert len(rewards) == 8
+    assert rewards[0] < 30.0
+    assert rewards[-1] > 3.0 * rewards[0]
+    mean, worst = numbers(r"^ten new starts: mean reward (\S+) of 150, the worst (\S+)$", printed)
+    assert 130.0 < mean <= 150.0
+    assert worst > 100.0
+
+
+def test_a_controller_that_is_too_weak_fails_its_tests(tmp_path):
+    folder = shutil.copytree(EXAMPLES / "16_test_of_a_controller", tmp_path / "copied")
+    (folder / "controller.py").write_text((folder / "controller.py").read_text().replace("40.0 *", "4.0 *"))
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_controller.py"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "5 failed, 1 passed" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_picture_of_the_swing_up_is_drawn(tmp_path):
+    need_opengl()
+    server, endpoint = by_hand("14_swing_up", config="camera.yaml")
+    try:
+        script = EXAMPLES / "14_swing_up" / "swing_up.py"
+        subprocess.run(
+            [sys.executable, script, endpoint, "--picture", "picture.png"],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            check=True,
+        )
+    finally:
+        stop(server)
+    image = cv2.imread(str(tmp_path / "picture.png"))
+    assert image.shape[1] == 1440
+    # The orange of the pole, and of its angle.
+    orange = (image[..., 2].astype(int) - image[..., 0] > 120).mean(axis=1)
+    images, charts = np.array_split(orange, 2)
+    assert images.max() > 0.01
+    assert charts.max() > 0.01
 
 
 def test_the_arm_goes_where_the_trajectory_goes(ran):
