@@ -14,6 +14,7 @@ from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.physics.scheduler import Wait, WaitingCall
 from mjplug.plugin.goal import Goal, GoalCanceled, Outcome, failure
+from mjplug.plugin.prepared import Prepare, Prepared
 from mjplug.throttle import Throttle
 from mjplug_schemas.action_msgs import CancelGoal, GoalStatus, GoalStatusArray
 from mjplug_schemas.builtin_interfaces import Time
@@ -94,6 +95,7 @@ class ActionServer:
         closed: Returns why no goals are accepted; empty if they are.
         on_abort: Makes the result of a goal that the server ends, from the reason; None puts the reason into the text
             field of the result, if it has one.
+        prepare: Called with each request on the transport's thread; `handler` gets what it returns.
     """
 
     def __init__(
@@ -107,6 +109,7 @@ class ActionServer:
         owner: object = None,
         closed: Callable[[], str] = lambda: "",
         on_abort: Callable[[str], Message] | None = None,
+        prepare: Prepare | None = None,
     ) -> None:
         self._loop = loop
         self._action = action
@@ -118,15 +121,16 @@ class ActionServer:
         self._owner = owner
         self._closed = closed
         self._on_abort = on_abort
+        self._prepare: Prepare = prepare or _unchanged
         self._entries: dict[bytes, _Entry] = {}
         self._rejections = Throttle(REJECTION_LOG_INTERVAL)
         self._publishers: ActionPublishers = transport.open_action(
             action,
             ActionCallbacks(
-                lambda call: loop.inbox.post(lambda: self._send_goal(call)),
+                self._goal_arrived,
                 lambda call: loop.inbox.post(lambda: self._cancel_goal(call)),
                 lambda call: loop.inbox.post(lambda: self._get_result(call)),
-                lambda query: loop.inbox.post(lambda: self._query(query)),
+                self._query_arrived,
             ),
         )
         loop.on_second.append(self._expire)
@@ -136,10 +140,21 @@ class ActionServer:
         """The goals that have not ended, in the order in which they were accepted."""
         return [entry.goal for entry in self._entries.values() if not entry.goal.ended]
 
-    def _send_goal(self, call: Call) -> None:
+    def _goal_arrived(self, call: Call) -> None:
+        """Handles a request on the transport's thread."""
+        sent: Any = call.request
+        prepared = Prepared(self._prepare, sent.goal)
+        self._loop.inbox.post(lambda: self._send_goal(call, prepared))
+
+    def _query_arrived(self, query: GoalQuery) -> None:
+        """Handles a query on the transport's thread."""
+        prepared = Prepared(self._prepare, query.request)
+        self._loop.inbox.post(lambda: self._query(query, prepared))
+
+    def _send_goal(self, call: Call, prepared: Prepared) -> None:
         request: Any = call.request
         try:
-            entry = self._start(bytes(request.goal_id.uuid), request.goal, None)
+            entry = self._start(bytes(request.goal_id.uuid), request.goal, prepared, None)
         except RequestError as error:
             self._log_rejection(str(error))
             call.respond(self._type.SendGoal.Response())
@@ -147,17 +162,17 @@ class ActionServer:
         call.respond(self._type.SendGoal.Response(accepted=True, stamp=entry.goal.stamp))
         self._begin(entry)
 
-    def _query(self, query: GoalQuery) -> None:
+    def _query(self, query: GoalQuery, prepared: Prepared) -> None:
         try:
             goal_id = _id_in(query) or uuid.uuid4().bytes
-            entry = self._start(goal_id, query.request, query)
+            entry = self._start(goal_id, query.request, prepared, query)
         except RequestError as error:
             query.refuse(str(error))
             return
         query.accept(self._type.SendGoal.Response(accepted=True, stamp=entry.goal.stamp), goal_id)
         self._begin(entry)
 
-    def _start(self, goal_id: bytes, request: Message, query: GoalQuery | None) -> _Entry:
+    def _start(self, goal_id: bytes, request: Message, prepared: Prepared, query: GoalQuery | None) -> _Entry:
         """Runs the handler of a new goal to its first wait.
 
         Raises:
@@ -171,11 +186,11 @@ class ActionServer:
             raise RequestError(f"goal {uuid.UUID(bytes=goal_id)} was sent before; choose a new identifier")
         if (count := len(self.under_way)) >= MAX_GOALS:
             raise RequestError(f"busy: {count} goals are under way, which is the maximum; try again later")
-        goal = Goal(self._type, goal_id, request, self._now(), self._feedback)
+        goal = Goal(self._type, goal_id, request, self._now(), self._feedback, self._observed)
         entry, answer = _Entry(goal, query), _Answer()
         # Known from now on, so that the handler itself may end other goals.
         self._entries[goal_id] = entry
-        entry.run = self._loop.scheduler.start(self._run(goal), answer, self._owner)
+        entry.run = self._loop.scheduler.start(self._run(goal, prepared), answer, self._owner)
         if answer.refusal is not None:
             del self._entries[goal_id]
             raise RequestError(answer.refusal)
@@ -192,9 +207,9 @@ class ActionServer:
         else:
             self._finish(entry, entry.response)
 
-    def _run(self, goal: Goal) -> Generator[Wait, None, Outcome]:
+    def _run(self, goal: Goal, prepared: Prepared) -> Generator[Wait, None, Outcome]:
         try:
-            returned: Any = self._handler(goal.request, goal)
+            returned: Any = self._handler(prepared.get(), goal)
             if isinstance(returned, Generator):
                 returned = yield from returned
             return goal.outcome(returned)
@@ -232,9 +247,12 @@ class ActionServer:
     def _failure(self, reason: str) -> Message:
         return failure(self._type, reason) if self._on_abort is None else self._on_abort(reason)
 
+    def _observed(self, goal: Goal) -> bool:
+        return self._entries[goal.id].query is not None or self._publishers.feedback.matched
+
     def _feedback(self, goal: Goal, feedback: Message) -> None:
         entry, publisher = self._entries[goal.id], self._publishers.feedback
-        if entry.query is None and not publisher.matched:
+        if not self._observed(goal):
             return
         message = self._type.FeedbackMessage(goal_id=UUID(uuid=goal.id), feedback=feedback)
         if publisher.matched:
@@ -309,6 +327,10 @@ class ActionServer:
             self._logger.warning(
                 "action %s: a goal was rejected: %s%s", self._action.name, reason, self._rejections.suppressed()
             )
+
+
+def _unchanged(request: Any) -> Any:
+    return request
 
 
 def _id_in(call: Call | GoalQuery) -> bytes:

@@ -50,10 +50,17 @@ class Goal:
         request: As above.
         stamp: As above.
         publish: Publishes feedback of the goal.
+        observed: Returns whether anybody gets the feedback.
     """
 
     def __init__(
-        self, type: type[Action], id: bytes, request: Message, stamp: Time, publish: Callable[["Goal", Message], None]
+        self,
+        type: type[Action],
+        id: bytes,
+        request: Message,
+        stamp: Time,
+        publish: Callable[["Goal", Message], None],
+        observed: Callable[["Goal"], bool],
     ) -> None:
         self.id = id
         self.request: Any = request
@@ -61,6 +68,7 @@ class Goal:
         self.status: int = GoalStatus.STATUS_UNKNOWN
         self._type = type
         self._publish = publish
+        self._observed = observed
         self._early: list[Message] = []
 
     @property
@@ -77,6 +85,11 @@ class Goal:
     def ended(self) -> bool:
         """Whether the goal has ended."""
         return self.status in ENDED
+
+    @property
+    def observed(self) -> bool:
+        """Whether anybody gets the feedback; if not, there is no need to build a message."""
+        return self._observed(self)
 
     def feedback(self, message: Message) -> None:
         """Publishes feedback. After the goal has ended, it does nothing.

@@ -16,6 +16,7 @@ from mjplug.physics.scheduler import Alarm, Slow, Timer
 from mjplug.plugin.action_server import ActionServer, GoalHandler
 from mjplug.plugin.arrivals import Arrivals
 from mjplug.plugin.guard import Guard
+from mjplug.plugin.prepared import Prepare, Prepared
 from mjplug.plugin.stopwatch import Stopwatch
 from mjplug.plugin.world_view import WorldView
 from mjplug.throttle import Throttle
@@ -146,7 +147,14 @@ class NodeView(WorldView):
         self._published[publisher] = published
         return publisher
 
-    def create_subscription(self, type: type[M], name: str, callback: Callable[[M], None], qos: QoS = LATEST) -> None:
+    def create_subscription(
+        self,
+        type: type[M],
+        name: str,
+        callback: Callable[[Any], None],
+        qos: QoS = LATEST,
+        prepare: Prepare | None = None,
+    ) -> None:
         """Subscribes to a topic. The newest `qos.depth` messages since the last step are delivered.
 
         Args:
@@ -156,6 +164,8 @@ class NodeView(WorldView):
                 raise RequestError; its text is logged at most once a second. For any other exception, the
                 `on_plugin_error` policy applies.
             qos: Quality of service. The default delivers only the newest message, which suits commands.
+            prepare: Called with each message on another thread, while physics runs, so it must use only data that do
+                not change. `callback` gets what it returns. An exception has the same effect as one of `callback`.
 
         Raises:
             PluginError: The name is not a valid ROS name.
@@ -163,9 +173,9 @@ class NodeView(WorldView):
         topic = Topic(self.full_name(name), type, qos)
         refusals = Throttle(REFUSAL_LOG_INTERVAL)
 
-        def take(message: M) -> None:
+        def take(message: Any) -> None:
             try:
-                callback(message)
+                callback(message.get() if isinstance(message, Prepared) else message)
             except RequestError as error:
                 if refusals.admit(perf_counter()):
                     self.logger.warning(
@@ -173,8 +183,17 @@ class NodeView(WorldView):
                     )
 
         arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
-        self._transport.open_subscription(topic, arrivals.deliver)
-        self._topics.read.setdefault(topic.name, []).append(ReadTopic(topic, self._guard.checked(callback)))
+        deliver, handle = arrivals.deliver, callback
+        if prepare is not None:
+
+            def deliver(message: M) -> None:
+                arrivals.deliver(Prepared(prepare, message))
+
+            def handle(message: M) -> None:
+                callback(prepare(message))
+
+        self._transport.open_subscription(topic, deliver)
+        self._topics.read.setdefault(topic.name, []).append(ReadTopic(topic, self._guard.checked(handle)))
 
     def create_service(
         self,
@@ -217,6 +236,7 @@ class NodeView(WorldView):
         name: str,
         handler: GoalHandler,
         on_abort: Callable[[str], Message] | None = None,
+        prepare: Prepare | None = None,
     ) -> ActionServer:
         """Declares an action.
 
@@ -237,6 +257,8 @@ class NodeView(WorldView):
             on_abort: Makes the result of a goal that the server aborts, from the reason: after a reset, a restored
                 state, a failure of the handler, and at the end. By default, a text field of the result, such as
                 `error_string`, contains the reason.
+            prepare: Called with each request on another thread, while physics runs, so it must use only data that do
+                not change. `handler` gets what it returns. A RequestError rejects the goal.
 
         Raises:
             PluginError: The name is not a valid ROS name.
@@ -251,6 +273,7 @@ class NodeView(WorldView):
             self._guard,
             lambda: self._guard.disabled,
             on_abort,
+            prepare,
         )
 
     def create_timer(

@@ -1,5 +1,6 @@
 """Actions of plugins: acceptance, feedback, results, cancellation, and what ends goals from outside."""
 
+import threading
 import uuid
 
 import pytest
@@ -367,3 +368,23 @@ def test_a_disabled_plugin_accepts_no_goals(world):
 def test_a_name_that_breaks_the_rules_of_ros_is_refused(world):
     with pytest.raises(PluginError, match="is not a valid ROS name"):
         world.host().create_action(Count, "a b", lambda request, goal: Count.Result())
+
+
+def test_a_goal_is_prepared_on_the_thread_of_the_transport(world):
+    threads = []
+
+    def prepare(request):
+        threads.append(threading.current_thread())
+        if request.number < 0:
+            raise RequestError("negative")
+        return 10 * request.number
+
+    offer(world, lambda prepared, goal: Count.Result(reached=prepared), prepare=prepare)
+    sender = threading.Thread(target=lambda: goals.append(world.transport.send_goal(NAME, Count.Goal(number=4))))
+    goals = []
+    sender.start()
+    sender.join()
+    world.step(0)
+    assert (threads, goals[0].result.reached) == ([sender], 40)
+    assert world.send_goal(NAME, Count.Goal(number=-4)).refusal == "negative"
+    assert not send(world, -4, goal_id=1).accepted

@@ -10,6 +10,7 @@ from mjplug.model.file import load_model
 from mjplug.physics.reset import Reset
 from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands
+from mjplug_plugins.joints.plan import plan_of
 from mjplug_plugins.joints.trajectory import Motion
 from mjplug_schemas.builtin_interfaces import Duration, Time
 from mjplug_schemas.sensor_msgs import JointState
@@ -48,7 +49,8 @@ def servo(world):
 
 
 def sampled(message, now, begin, speed, times):
-    motion = Motion(message, round(now * SECOND), np.array(begin), np.array(speed))
+    plan, now = plan_of(message), round(now * SECOND)
+    motion = Motion(plan, plan.begin(now), now, np.array(begin), np.array(speed))
     return np.array([motion.at(round(t * SECOND)) for t in times])
 
 

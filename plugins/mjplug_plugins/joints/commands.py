@@ -7,6 +7,8 @@ from typing import Any
 from mjplug.plugin import DEFAULT, Diagnosis, Host, Level, Plugin, PluginError, QoS, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
+from mjplug_plugins.joints.follow_joint_trajectory import FollowJointTrajectoryAction
+from mjplug_plugins.joints.grippers import GripperAction
 from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, commands_for
 from mjplug_plugins.joints.outputs import Drive
 from mjplug_plugins.joints.parameters import Group, JointCommandsParameters, PidGains
@@ -52,7 +54,15 @@ class JointCommands(Plugin[JointCommandsParameters]):
         self._reader = JointStateCommands(drives, self._joints.passive, parameters.command_interfaces)
         self._reported: set[str] = set()
         self._subscribe(JointState, parameters.topic, self._handle_joint_state)
-        self._subscribe(JointTrajectory, parameters.trajectory_topic, self._handle_trajectory)
+        self._subscribe(
+            JointTrajectory, parameters.trajectory_topic, self._trajectories.start, self._trajectories.checked
+        )
+        name, constraints = parameters.trajectory_action, parameters.constraints
+        for joint in (*constraints.trajectory, *constraints.goal):
+            self._joints.find(joint)
+        FollowJointTrajectoryAction(host, name, self._trajectories, constraints, self._wake)
+        for name, gripper in parameters.grippers.items():
+            GripperAction(host, name, gripper, self._joints.find(gripper.joint), self._trajectories, self._wake)
         for name, group in parameters.groups.items():
             self._add_group(name, group)
         for name, (gains, pids) in self._joints.gains.items():
@@ -149,13 +159,38 @@ class JointCommands(Plugin[JointCommandsParameters]):
         if self._busy:
             self._host.activate()
 
-    def _subscribe(self, type: type[Any], topic: str, handle: Callable[[Any], None]) -> None:
+    def _subscribe(
+        self,
+        type: type[Any],
+        topic: str,
+        handle: Callable[[Any], object],
+        check: Callable[[Any], Any] | None = None,
+    ) -> None:
+        """Subscribes to a topic.
+
+        Args:
+            type: Message class.
+            topic: Name of the topic.
+            handle: Handles a message.
+            check: Checks a message on the thread of the transport; `handle` gets the result.
+        """
+
+        def checked(message: Any) -> Any:
+            # Returned instead of raised, because refusals are counted by the handler.
+            try:
+                return check(message) if check is not None else message
+            except RequestError as error:
+                return error
+
         # The queue keeps several messages, because each message between two steps may command another joint.
         qos = QoS(max(DEFAULT.depth, len(self._joints.drives)))
-        self._host.create_subscription(type, topic, partial(self._receive, self._host.full_name(topic), handle), qos)
+        receive = partial(self._receive, self._host.full_name(topic), handle)
+        self._host.create_subscription(type, topic, receive, qos, prepare=None if check is None else checked)
 
-    def _receive(self, topic: str, handle: Callable[[Any], None], message: Any) -> None:
+    def _receive(self, topic: str, handle: Callable[[Any], object], message: Any) -> None:
         try:
+            if isinstance(message, RequestError):
+                raise message
             handle(message)
         except RequestError as error:
             self._refuse(topic, str(error))
@@ -186,9 +221,6 @@ class JointCommands(Plugin[JointCommandsParameters]):
                 f"data contains {len(message.data)} numbers, but group {group!r} has {len(drives)} joints"
             )
         self._follow(commands_for(interface, enumerate(drives), message.data))
-
-    def _handle_trajectory(self, message: JointTrajectory) -> None:
-        self._trajectories.start(message)
 
     def _follow(self, commands: Sequence[Command]) -> None:
         for drive, interface, value in commands:

@@ -14,6 +14,8 @@ Limit = Annotated[float, Field(allow_inf_nan=True)]
 Gain = Annotated[float, Field(ge=-1e12, le=1e12)]
 """Bounded, so that no output overflows: MuJoCo sets all controls to zero if one is not a number."""
 
+Tolerance = Annotated[float, Field(ge=0.0, le=1e9)]
+
 Interfaces = Annotated[tuple[Interface, ...], OneOrMore]
 Joints = Annotated[tuple[str, ...], OneOrMore, AfterValidator(require_unique)]
 
@@ -100,12 +102,56 @@ class Mimic(Parameters):
     offset: float = Field(default=0.0, description="Added to positions [rad or m].")
 
 
+class Constraints(Parameters):
+    """Tolerances of FollowJointTrajectory where a goal contains none, as in joint_trajectory_controller."""
+
+    stopped_velocity_tolerance: Tolerance = Field(
+        default=0.01, description="Velocity of each joint at the end [rad/s or m/s]; 0: not checked."
+    )
+    goal_time: Tolerance = Field(
+        default=0.0, description="How long after the last point the goal may be reached [s]; 0: without limit."
+    )
+    trajectory: dict[str, Tolerance] = Field(
+        default={}, description="Position error during the motion, by joint [rad or m]; 0: not checked."
+    )
+    goal: dict[str, Tolerance] = Field(
+        default={}, description="Position error at the end, by joint [rad or m]; 0: not checked."
+    )
+
+
+class Gripper(Parameters):
+    """An action that moves one joint of a gripper, with the parameters of ros2_controllers."""
+
+    joint: str = Field(description="The joint.")
+    type: Literal["GripperCommand", "ParallelGripperCommand"] = Field(
+        default="GripperCommand", description="Type of the action: `GripperCommand` or `ParallelGripperCommand`."
+    )
+    action: str = Field(default="", description="Name of the action; empty: `<gripper>/gripper_cmd`.")
+    goal_tolerance: Tolerance = Field(default=0.01, description="Position error at which a goal is reached [m or rad].")
+    stall_velocity_threshold: Tolerance = Field(
+        default=0.001, description="The joint is stalled if it is not faster than this [m/s or rad/s]."
+    )
+    stall_timeout: Tolerance = Field(
+        default=1.0, description="Simulated time after which a goal of a stalled joint ends [s]."
+    )
+    allow_stalling: bool = Field(default=False, description="Whether a goal that ends because of a stall succeeds.")
+
+
 class JointCommandsParameters(Parameters):
     """Parameters of JointCommands."""
 
     joints: Joints = Field(default=(), description="Joints to command; empty: all joints with an actuator.")
     topic: str = Field(default="joint_commands", description="Topic of the JointState commands.")
     trajectory_topic: str = Field(default="joint_trajectory", description="Topic of the JointTrajectory commands.")
+    trajectory_action: str = Field(
+        default="follow_joint_trajectory", description="Name of the FollowJointTrajectory action."
+    )
+    constraints: Constraints = Field(
+        default=Constraints(), description="Tolerances of FollowJointTrajectory where a goal contains none."
+    )
+    grippers: dict[str, Gripper] = Field(
+        default={}, description="Actions for grippers: `joint`, `type` and so on of each, by name."
+    )
     groups: dict[str, Group] = Field(
         default={}, description="Float64MultiArray topics: `joints`, `interface` and `topic` of each group, by name."
     )

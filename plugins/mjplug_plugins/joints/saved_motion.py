@@ -34,12 +34,13 @@ def motion_arrays(motion: Motion, now: int) -> dict[str, NDArray[np.generic]]:
     return arrays | {name: _rows([getattr(point, name) for point in points], width) for name in _DERIVATIVES}
 
 
-def motion_of(arrays: Mapping[str, NDArray[np.generic]], now: int) -> Motion:
+def motion_of(arrays: Mapping[str, NDArray[np.generic]], now: int, ended: bool = False) -> Motion:
     """Returns the motion in what `motion_arrays` has returned.
 
     Args:
         arrays: The arrays.
         now: Simulated time [ns].
+        ended: Whether its last point may be past.
 
     Raises:
         RequestError: The arrays are invalid.
@@ -50,7 +51,7 @@ def motion_of(arrays: Mapping[str, NDArray[np.generic]], now: int) -> Motion:
     valid = valid and positions.dtype == np.float64 and bool(np.isfinite(positions).all())
     valid = valid and all(row.shape == positions.shape and row.dtype == np.float64 for row in rows)
     # The trajectory itself begins after the start, or at it.
-    if not valid or (np.diff(times[1:]) <= 0).any() or times[-1] < 0:
+    if not valid or (np.diff(times[1:]) <= 0).any() or (times[-1] < 0 and not ended):
         raise RequestError("a trajectory is invalid")
     points = [
         JointTrajectoryPoint(positions=row, velocities=_given(velocities), accelerations=_given(accelerations))

@@ -11,19 +11,27 @@ from mjplug.plugin import Host, RequestError
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.joints.drives import JointDrives
 from mjplug_plugins.joints.outputs import Drive, refuse_both_sides
+from mjplug_plugins.joints.plan import Plan, plan_of
 from mjplug_plugins.joints.saved_motion import motion_arrays, motion_of
-from mjplug_plugins.joints.trajectory import Motion, validate
+from mjplug_plugins.joints.tolerances import Tolerances
+from mjplug_plugins.joints.track import Result, Track
+from mjplug_plugins.joints.trajectory import Motion
 from mjplug_schemas.trajectory_msgs import JointTrajectory
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
-    """A motion, and the joints that it moves with their indices in the motion."""
+class Command:
+    """A checked trajectory.
 
-    motion: Motion
-    drives: dict[Drive, int]
+    Attributes:
+        plan: Its points.
+        drives: Its joints.
+    """
+
+    plan: Plan
+    drives: list[Drive]
 
 
 class Trajectories:
@@ -48,37 +56,69 @@ class Trajectories:
         """Number of joints that a trajectory moves."""
         return sum(len(track.drives) for track in self._tracks)
 
-    def start(self, trajectory: JointTrajectory) -> None:
-        """Starts a trajectory; a trajectory without points stops its joints at their current positions.
+    def checked(self, trajectory: JointTrajectory) -> Command:
+        """Returns the command of a message. May be called on any thread.
 
         Raises:
-            RequestError: The trajectory is invalid; the joints continue as before.
+            RequestError: The trajectory is invalid.
         """
         drives = self._find_drives(trajectory)
-        if not trajectory.points:
+        return Command(plan_of(trajectory), drives)
+
+    def start(self, command: Command, tolerances: Tolerances | None = None) -> Track | None:
+        """Starts a trajectory; one without points stops its joints at their current positions.
+
+        Args:
+            command: The result of `checked`.
+            tolerances: The tolerances of a goal; None executes the motion without a goal.
+
+        Returns:
+            The track; None if there are no points.
+
+        Raises:
+            RequestError: The trajectory is over or begins too late; the joints continue as before.
+        """
+        plan, drives, data = command.plan, command.drives, self._host.data
+        if not plan.points:
             for drive in drives:
                 self.drop(drive)
-                drive.command("position", drive.joint.position(self._host.data))
-            return
+                drive.command("position", drive.joint.position(data))
+            return None
         now = self._host.time_ns
-        validate(trajectory, now)
-        position = np.array([drive.joint.position(self._host.data) for drive in drives])
-        velocity = np.array([drive.joint.velocity(self._host.data) for drive in drives])
+        begin = plan.begin(now)
+        position = np.array([drive.joint.position(data) for drive in drives])
+        velocity = np.array([drive.joint.velocity(data) for drive in drives])
         if self._from_desired:
             self._use_desired(drives, position, velocity)
-        motion = Motion(trajectory, now, position, velocity)
+        motion = Motion(plan, begin, now, position, velocity)
         for drive in drives:
             self.drop(drive)
-        self._tracks.append(Track(motion, {drive: index for index, drive in enumerate(drives)}))
+        track = Track(motion, {drive: index for index, drive in enumerate(drives)}, tolerances)
+        self._tracks.append(track)
         self.running = True
+        return track
 
     def drop(self, drive: Drive) -> None:
-        """Removes a joint from its trajectory, and the other side of its transmission."""
-        if self.running:
-            for track in self._tracks:
-                for moved in (drive, *drive.others):
-                    track.drives.pop(moved, None)
-            self._remove_finished()
+        """Removes a joint, which gets another command, from its trajectory; ends the goal of the trajectory."""
+        if not self.running:
+            return
+        for track in self._tracks:
+            if track.drives.pop(drive, None) is not None and track.tolerances is not None:
+                reason = f"the goal was replaced by another command for joint {drive.joint.name}"
+                self.hold(track, Result(error_code=Result.INVALID_GOAL, error_string=reason))
+        self._remove_finished()
+
+    def hold(self, track: Track, result: Result) -> None:
+        """Ends a motion; its joints hold their current positions.
+
+        Args:
+            track: The motion; if it has ended already, nothing happens.
+            result: The result of its goal.
+        """
+        for drive in track.drives:
+            drive.command("position", drive.joint.position(self._host.data))
+        track.end(result)
+        self._remove_finished()
 
     def clear(self) -> None:
         """Stops all trajectories."""
@@ -88,9 +128,11 @@ class Trajectories:
     def save(self) -> dict[str, Any]:
         """Returns the running motions as data."""
         now = self._host.time_ns
-        saved: dict[str, Any] = {"tracks": []}
+        saved: dict[str, Any] = {"tracks": [], "tolerances": []}
         for number, track in enumerate(self._tracks):
             saved["tracks"].append({drive.joint.name: index for drive, index in track.drives.items()})
+            tolerances = None if track.tolerances is None else track.tolerances.save()
+            saved["tolerances"].append(tolerances)
             saved |= {f"track{number}_{name}": array for name, array in motion_arrays(track.motion, now).items()}
         return saved
 
@@ -100,16 +142,21 @@ class Trajectories:
         Raises:
             RequestError: The data are invalid.
         """
-        tracks = []
+        tracks: list[Track] = []
+        no_tolerances = [None] * len(saved["tracks"])
         for number, indices in enumerate(saved["tracks"]):
             begin = f"track{number}_"
             arrays = {name.removeprefix(begin): array for name, array in saved.items() if name.startswith(begin)}
-            motion = motion_of(arrays, self._host.time_ns)
+            tolerances = saved.get("tolerances", no_tolerances)[number]
+            motion = motion_of(arrays, self._host.time_ns, ended=tolerances is not None)
             drives = {self._joints.find(name): int(index) for name, index in indices.items()}
             width = len(motion.points[0].positions)
             if not all("position" in drive.outputs and 0 <= index < width for drive, index in drives.items()):
                 raise RequestError("a trajectory moves other joints")
-            tracks.append(Track(motion, drives))
+            limits = None if tolerances is None else Tolerances.restored(tolerances, width)
+            if limits is not None and sorted(drives.values()) != list(range(width)):
+                raise RequestError("the trajectory of a goal lacks joints")
+            tracks.append(Track(motion, drives, limits))
         return tracks
 
     def resume(self, tracks: list[Track]) -> None:
@@ -118,15 +165,19 @@ class Trajectories:
         self.running = bool(tracks)
 
     def update(self) -> None:
-        """Commands the positions of the current time."""
+        """Commands the positions of the current time, and ends motions and goals."""
         now = self._host.time_ns
         ended = False
-        for track in self._tracks:
+        for track in tuple(self._tracks):
+            result = None
+            if track.tolerances is not None and (result := track.verdict(now, self._host.data)) and result.error_code:
+                self.hold(track, result)
+                continue
             positions = track.motion.at(now).tolist()
             for drive, index in track.drives.items():
                 drive.command("position", positions[index])
-            if now >= track.motion.end:
-                track.drives.clear()
+            if result is not None or (track.tolerances is None and now >= track.motion.end):
+                track.end(result or Result())
                 ended = True
         if ended:
             self._remove_finished()

@@ -1,23 +1,17 @@
 """Motions of joints through trajectory points, with the interpolation of joint_trajectory_controller."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.plugin import RequestError
 from mjplug.plugin.bundled import float_view
-from mjplug_plugins.joints.outputs import MAX_VALUE
-from mjplug_schemas.builtin_interfaces import Duration, Time
-from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
+from mjplug_plugins.joints.plan import SECOND, Plan
+from mjplug_schemas.trajectory_msgs import JointTrajectoryPoint
 
 Array = NDArray[np.float64]
-
-_SECOND = 1_000_000_000
-
-_MAX_START_DELAY = 86_400 * _SECOND
-"""Longest time until a motion starts [ns]; a later stamp is probably wall time, not simulated time."""
 
 
 class Motion:
@@ -27,25 +21,27 @@ class Motion:
     quintic if both also have accelerations. The motion starts at the given state and stays at the last point.
 
     Args:
-        trajectory: A valid trajectory with points; see `validate`.
+        plan: The points; at least one.
+        begin: Simulated time from which the times of the points count [ns].
         now: Simulated time [ns].
         position: Start positions, in the order of `joint_names`, shape (n,) [rad or m].
         velocity: Start velocities, in the order of `joint_names`, shape (n,) [rad/s or m/s].
     """
 
-    def __init__(self, trajectory: JointTrajectory, now: int, position: Array, velocity: Array) -> None:
-        begin = _ns(trajectory.header.stamp) or now
-        points = [JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist()), *trajectory.points]
-        self._begin([now, *(begin + _ns(point.time_from_start) for point in trajectory.points)], points)
+    def __init__(self, plan: Plan, begin: int, now: int, position: Array, velocity: Array) -> None:
+        start = JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist())
+        self._begin(begin, [now - begin, *plan.times], [start, *plan.points])
 
-    def _begin(self, times: list[int], points: list[JointTrajectoryPoint]) -> None:
+    def _begin(self, begin: int, times: list[int], points: list[JointTrajectoryPoint]) -> None:
+        # Relative times, so that a long plan is used as it is.
+        self._start = begin
         self._times = times
         self._points = points
         self._segment = 0
         self._coefficients = np.empty((0, len(points[0].positions)))
         self._powers = np.ones(1)
         self._each_power = float_view(self._powers)
-        self.end = self._times[-1]
+        self.end = begin + times[-1]
 
     @classmethod
     def resumed(cls, times: Sequence[int], points: Sequence[JointTrajectoryPoint]) -> "Motion":
@@ -56,18 +52,23 @@ class Motion:
             points: The points.
         """
         motion = cls.__new__(cls)
-        motion._begin(list(times), list(points))
+        motion._begin(0, list(times), list(points))
         return motion
 
     @property
     def times(self) -> Sequence[int]:
         """The time of each point [ns]."""
-        return self._times
+        return [self._start + time for time in self._times]
 
     @property
     def points(self) -> Sequence[JointTrajectoryPoint]:
         """The points, the first of which is the start."""
         return self._points
+
+    @property
+    def begin(self) -> int:
+        """Simulated time of the start [ns]."""
+        return self._start + self._times[0]
 
     def at(self, time: int) -> Array:
         """Returns the positions at a time, shape (n,) [rad or m].
@@ -78,14 +79,14 @@ class Motion:
         if time >= self.end:
             return np.array(self._points[-1].positions, float)
         moved = not len(self._coefficients)
-        while self._times[self._segment + 1] <= time:
-            self._segment += 1
+        if self._times[self._segment + 1] <= time - self._start:
+            self._segment = bisect_right(self._times, time - self._start, self._segment + 1) - 1
             moved = True
         if moved:
             self._coefficients = self._polynomial(self._segment)
             self._powers = np.ones(len(self._coefficients))
             self._each_power = float_view(self._powers)
-        t, power, powers = (time - self._times[self._segment]) / _SECOND, 1.0, self._each_power
+        t, power, powers = (time - self._start - self._times[self._segment]) / SECOND, 1.0, self._each_power
         for k in range(1, len(powers)):
             power *= t
             powers[k] = power
@@ -96,7 +97,7 @@ class Motion:
         """Returns the velocities at a time, shape (n,) [rad/s or m/s]; call `at` for the same time first."""
         if time >= self.end or not len(self._coefficients):
             return np.zeros(self._coefficients.shape[1])
-        t = (time - self._times[self._segment]) / _SECOND
+        t = (time - self._start - self._times[self._segment]) / SECOND
         velocities = np.zeros(self._coefficients.shape[1])
         for k, coefficient in enumerate(self._coefficients[1:], 1):
             velocities += k * t ** (k - 1) * coefficient
@@ -105,7 +106,7 @@ class Motion:
     def _polynomial(self, segment: int) -> Array:
         """Returns the polynomial coefficients of a segment, t⁰ first, shape (k, n) with k = 2, 4 or 6."""
         a, b = self._points[segment], self._points[segment + 1]
-        seconds = (self._times[segment + 1] - self._times[segment]) / _SECOND
+        seconds = (self._times[segment + 1] - self._times[segment]) / SECOND
         x0, x1 = np.array(a.positions, float), np.array(b.positions, float)
         orders = 1
         if a.velocities and b.velocities:
@@ -132,52 +133,3 @@ def _hermite(begin: Sequence[Array], end: Sequence[Array], seconds: float) -> Ar
         rest[row] = (end[row] - known) * seconds**row
     upper = np.linalg.solve(matrix, rest)
     return np.stack([*lower, *(upper[i] / seconds**k for i, k in enumerate(powers))])
-
-
-def validate(trajectory: JointTrajectory, now: int) -> None:
-    """Checks the numbers of a trajectory that contains points.
-
-    Args:
-        trajectory: A trajectory whose names are valid.
-        now: Simulated time [ns].
-
-    Raises:
-        RequestError: A value is invalid; the message says which.
-    """
-    count, before = len(trajectory.joint_names), -1
-    for index, point in enumerate(trajectory.points):
-        if not point.positions:
-            raise RequestError(f"points[{index}] has no positions")
-        for name in ("positions", "velocities", "accelerations"):
-            values = getattr(point, name)
-            if values and len(values) != count:
-                raise RequestError(
-                    f"the length of points[{index}].{name} is {len(values)}, but that of joint_names is {count}"
-                )
-            # The sum detects NaN too and is fast: physics waits while a long trajectory is checked.
-            if not sum(map(abs, values)) <= MAX_VALUE:
-                for wrong in (value for value in values if not abs(value) <= MAX_VALUE):
-                    raise RequestError(
-                        f"points[{index}].{name} contains {wrong:g}; numbers must be finite and below {MAX_VALUE:g}"
-                    )
-        time = _ns(point.time_from_start)
-        if time <= before:
-            raise RequestError(
-                f"points[{index}].time_from_start is {time / _SECOND:g} s; times must not be negative and must increase"
-            )
-        before = time
-    begin = _ns(trajectory.header.stamp)
-    if begin and begin + before < now:
-        raise RequestError(
-            f"the trajectory ends at {(begin + before) / _SECOND:g} s, but simulated time is {now / _SECOND:g} s; "
-            "a zero stamp starts it immediately"
-        )
-    if begin > now + _MAX_START_DELAY:
-        raise RequestError(
-            f"header.stamp is {begin / _SECOND:g} s, but simulated time is {now / _SECOND:g} s; "
-            "set it to simulated time (use_sim_time), or to zero to start immediately"
-        )
-
-
-def _ns(value: Time | Duration) -> int:
-    return value.sec * _SECOND + value.nanosec
