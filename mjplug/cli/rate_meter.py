@@ -14,6 +14,7 @@ from mjplug.cli.output import say
 from mjplug.cli.silence import why_silent
 from mjplug.client import Client, TimedOutError, TopicInfo
 from mjplug.wakeup import Flag
+from mjplug.wire.origin import Gaps, origin_of
 
 REPORT_EVERY = 1.0
 """Period of the reports [s]."""
@@ -27,6 +28,7 @@ class Meter:
         arrived: Number of messages that have arrived.
         fresh: Whether a message has arrived since the last report.
         failure: The last exception of `measure`.
+        gaps: The messages that were sent but did not arrive.
 
     Args:
         topic: As above.
@@ -39,6 +41,7 @@ class Meter:
         self.arrived = 0
         self.fresh = False
         self.failure: Exception | None = None
+        self.gaps = Gaps()
         self._measure = measure
         self._values: deque[Any] = deque(maxlen=window)
         self._before = 0
@@ -51,6 +54,7 @@ class Meter:
     def take(self, sample: zenoh.Sample) -> None:
         """Measures a sample."""
         self.arrived += 1
+        self.gaps.count(origin_of(sample.attachment))
         if self.arrived == 1:
             # A new subscriber may get a message at once, independent of the rate.
             return
@@ -132,22 +136,30 @@ def rate(meters: Sequence[Meter]) -> str:
     if found is None:
         return "average rate: unknown, because all messages have the same time"
     hertz, least, most, spread, number = found
-    return f"average rate: {hertz:.3f}\n\tmin: {least:.4f}s max: {most:.4f}s std dev: {spread:.5f}s window: {number}"
+    return (
+        f"average rate: {hertz:.3f}\n"
+        f"\tmin: {least:.4f}s max: {most:.4f}s std dev: {spread:.5f}s window: {number} lost: {_lost(meters[0])}"
+    )
 
 
 def rate_table(meters: Sequence[Meter]) -> str:
     """Returns the report on several topics. Their values are times [s]."""
-    heading = ("topic", "rate", "min_delta", "max_delta", "std_dev", "window")
+    heading = ("topic", "rate", "min_delta", "max_delta", "std_dev", "window", "lost")
     rows = []
     for meter in meters:
         found = _rate(meter.values)
         if found is not None:
             hertz, least, most, spread, number = found
-            rows.append((meter.topic.name, f"{hertz:.3f}", f"{least:.4f}", f"{most:.4f}", f"{spread:.5f}", str(number)))
+            numbers = (f"{hertz:.3f}", f"{least:.4f}", f"{most:.4f}", f"{spread:.5f}", str(number), _lost(meter))
+            rows.append((meter.topic.name, *numbers))
     widths = [max(len(row[i]) for row in (heading, *rows)) for i in range(len(heading))]
     lines = ["   ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     title = "   ".join(cell.center(width) for cell, width in zip(heading, widths, strict=True)).rstrip()
     return "\n".join([title, "=" * (sum(widths) + 3 * (len(widths) - 1)), *lines, ""])
+
+
+def _lost(meter: Meter) -> str:
+    return str(meter.gaps.lost) if meter.gaps.known else "unknown"
 
 
 def _rate(times: list[float]) -> tuple[float, float, float, float, int] | None:

@@ -11,7 +11,7 @@ from mjplug.cli.topic_arguments import MessageType, TopicName
 
 if TYPE_CHECKING:
     from mjplug.cli.field_path import FieldPath
-    from mjplug.client import Client, Subscription
+    from mjplug.client import Client, MessageInfo, Subscription
 
 SILENCE = 3.0
 """Time without a first message after which the reason is shown [s]."""
@@ -77,6 +77,9 @@ def echo(
         typer.Option("--filter", metavar="EXPR", help="Show only messages for which this is true: 'm.linear.x > 0.5'."),
     ] = None,
     raw: Annotated[bool, typer.Option("--raw", help="Show the CDR bytes of each message.")] = False,
+    age: Annotated[
+        bool, typer.Option("--age", help="Show the age, sequence number and simulated time of each message.")
+    ] = False,
     qos_profile: QosProfile = None,
     qos_depth: QosDepth = None,
     qos_history: QosHistory = None,
@@ -90,6 +93,8 @@ def echo(
 
     if raw and (field is not None or filter is not None or csv or output != "yaml"):
         raise typer.BadParameter("it cannot be combined with --field, --filter, --csv or --output", param_hint="--raw")
+    if age and (csv or output != "yaml"):
+        raise typer.BadParameter("it is shown only in YAML; leave out --csv and --output", param_hint="--age")
     chosen = MessageFilter(filter) if filter is not None else None
     qos = qos_of(qos_profile, qos_depth, qos_history, qos_reliability, qos_durability)
     format: Format = "csv" if csv else output
@@ -110,6 +115,8 @@ def echo(
                 if not headed:
                     headed = True
                     say(rendering.heading(value, field or ""))
+                if age and messages.info is not None:
+                    say(_origin_text(messages.info))
                 # In Python's notation of bytes, like ros2.
                 say(str(value) if raw else rendering.text(value))
                 if format == "yaml":
@@ -138,6 +145,20 @@ def _first(client: "Client", messages: "Subscription[Any]", timeout: float | Non
         return messages.next(None if timeout is None else timeout - SILENCE)
     except TimedOutError:
         raise TimedOutError(f"no message on {messages.name} within {timeout:g} s") from None
+
+
+def _origin_text(info: "MessageInfo") -> str:
+    """Returns a comment of YAML about when a message was sent, and whether messages before it were lost."""
+    origin = info.origin
+    if origin is None or info.age is None:
+        return "# age unknown: the publisher sends neither times nor sequence numbers"
+    parts = [f"age {info.age:.6f} s", f"sequence number {origin.sequence_number}"]
+    if origin.time_ns is not None:
+        parts += [f"simulated time {origin.time_ns / 1e9:.9f} s", f"epoch {origin.epoch}"]
+    parts.append(f"publisher {origin.gid.hex()}")
+    if info.lost:
+        parts.append(f"lost before it: {info.lost}")
+    return f"# {', '.join(parts)}"
 
 
 def _part(message: Any, path: "FieldPath | None") -> Any:

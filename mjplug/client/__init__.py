@@ -22,13 +22,14 @@ from mjplug.client.errors import (
 )
 from mjplug.client.failure import DEFAULT_ENDPOINT
 from mjplug.client.publisher import Publisher
-from mjplug.client.subscription import Subscription
+from mjplug.client.subscription import MessageInfo, Subscription
 from mjplug.wire.discovery.format import ServerInfo, ServiceInfo, TopicInfo
 
 __all__ = [
     "DEFAULT_ENDPOINT",
     "Client",
     "ClientError",
+    "MessageInfo",
     "NoServerError",
     "Publisher",
     "RequestRefused",

@@ -11,6 +11,7 @@ from mjplug.client.timeouts import bounded
 from mjplug.client.types import as_message, to_json
 from mjplug.wakeup import Flag
 from mjplug.wire.encoding import encoding_of
+from mjplug.wire.origin import Attachments, host_id, no_time
 
 M = TypeVar("M")
 
@@ -44,6 +45,7 @@ class Publisher(Generic[M]):
             congestion_control=zenoh.CongestionControl.BLOCK,
             reliability=zenoh.Reliability.RELIABLE,
         )
+        self._attachments = Attachments(host_id(session, ""), no_time)
         # Zenoh refuses to undeclare a publisher while it sends. If Ctrl-C interrupts a thread that holds the lock, this
         # thread can still close the publisher.
         self._lock = threading.RLock()
@@ -80,7 +82,7 @@ class Publisher(Generic[M]):
         with self._lock:
             if self.closed:
                 raise ClientError(f"the publisher of {self.name} is closed")
-            self._publisher.put(payload)
+            self._publisher.put(payload, attachment=self._attachments.next())
 
     def close(self) -> None:
         """Stops publishing; a second call does nothing."""

@@ -68,7 +68,9 @@ class OpenedServer:
             )
             self.has_roles = wanted.access_control is not None
             limits = Limits(zenoh.max_payload_bytes, zenoh.max_json_bytes)
-            self.network: Network = open_network(wanted, prepared.name, limits, ros2=ros2)
+            self.network: Network = open_network(
+                wanted, prepared.name, limits, ros2=ros2, now=lambda: (simulation.time_ns, simulation.epoch)
+            )
             self._reason = "the server could not start"
             closing.callback(lambda: self.network.close(self._reason))
             workers = ProcessWorkerPool(wanted, self.network.session.endpoints)

@@ -11,6 +11,7 @@ from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import RemoteWriterSpec
 from mjplug.wire.encoding import TEXT
 from mjplug.wire.key_writers import LiveWriter
+from mjplug.wire.origin import Now, no_time
 from mjplug.wire.rejections import Rejections
 from mjplug.wire.replies import Replies
 
@@ -52,9 +53,9 @@ class RemoteBytesSpec:
 
     writer: RemoteWriterSpec
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> WireBytesPublisher:
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now = no_time) -> WireBytesPublisher:
         """Declares the publisher on another session; `on_matched` is called when it gets its first subscriber."""
-        writer = self.writer.open(session, on_matched)
+        writer = self.writer.open(session, on_matched, now)
         assert isinstance(writer, LiveWriter)
         return WireBytesPublisher(writer)
 

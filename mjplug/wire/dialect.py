@@ -12,6 +12,7 @@ import zenoh
 from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.wire.encoding import Form, Received, WrittenForm
+from mjplug.wire.origin import Now
 
 
 class KeyWriter(Protocol):
@@ -47,8 +48,14 @@ class RemoteWriterSpec(Protocol):
     The server keeps the liveliness tokens and the list of interfaces.
     """
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> KeyWriter:
-        """Declares the writer on another session; `on_matched` is called when it gets its first subscriber."""
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now) -> KeyWriter:
+        """Declares the writer on another session.
+
+        Args:
+            session: The session.
+            on_matched: Called when the writer gets its first subscriber.
+            now: Returns the simulated time and the epoch of the messages.
+        """
 
 
 class RawRequest(Protocol):

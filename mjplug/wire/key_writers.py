@@ -18,6 +18,7 @@ from mjplug.contracts.transport import QoS
 from mjplug.wire.callbacks import callback
 from mjplug.wire.dialect import RemoteWriterSpec
 from mjplug.wire.encoding import Form, WrittenForm
+from mjplug.wire.origin import Attachments, Now
 
 WORKER_PRIORITY = zenoh.Priority.DATA_LOW
 """Zenoh priority of publications of worker processes, which are large. Each priority has its own queue in a link. In a
@@ -44,11 +45,14 @@ class LiveWriter:
         encoding: zenoh.Encoding,
         qos: QoS,
         on_matched: Callable[[], None],
+        attachments: Attachments | None = None,
         priority: zenoh.Priority = zenoh.Priority.DATA,
     ) -> None:
         self.form = form
         self.matched = False
-        self._remote_spec = LiveWriterSpec(key, form, str(encoding), qos)
+        host = None if attachments is None else attachments.host
+        self._remote_spec = LiveWriterSpec(key, form, str(encoding), qos, host)
+        self._attachments = attachments
         self._on_matched = on_matched
         self._closed = False
         self._lock = threading.Lock()
@@ -66,7 +70,10 @@ class LiveWriter:
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
-        self._put(payload)
+        if self._attachments is None:
+            self._put(payload)
+        else:
+            self._put(payload, attachment=self._attachments.next())
 
     def remote_spec(self) -> RemoteWriterSpec:
         """Returns the data with which another process can write to the key."""
@@ -107,17 +114,27 @@ class LiveWriter:
 
 @dataclass(frozen=True, slots=True)
 class LiveWriterSpec:
-    """The arguments of a `LiveWriter`; picklable."""
+    """The arguments of a `LiveWriter`; picklable.
+
+    Attributes:
+        key: The key.
+        form: The form of the payloads.
+        encoding: The Zenoh encoding.
+        qos: The quality of service.
+        host: First half of the gid in the attachments; None for a writer without attachments.
+    """
 
     key: str
     form: WrittenForm
     encoding: str
     qos: QoS
+    host: bytes | None
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveWriter:
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now) -> LiveWriter:
         """Declares the writer."""
         encoding = zenoh.Encoding(self.encoding)
-        return LiveWriter(session, self.key, self.form, encoding, self.qos, on_matched, WORKER_PRIORITY)
+        attachments = None if self.host is None else Attachments(self.host, now)
+        return LiveWriter(session, self.key, self.form, encoding, self.qos, on_matched, attachments, WORKER_PRIORITY)
 
 
 class LatchedWriter:
@@ -127,13 +144,22 @@ class LatchedWriter:
     the publisher's cache. Any other client gets them by a query on the key.
     """
 
-    def __init__(self, session: zenoh.Session, key: str, form: Form, encoding: zenoh.Encoding, qos: QoS) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        key: str,
+        form: Form,
+        encoding: zenoh.Encoding,
+        qos: QoS,
+        attachments: Attachments,
+    ) -> None:
         self.form = form
         self.matched = True
-        self._remote_spec = LatchedWriterSpec(key, form, str(encoding), qos)
+        self._remote_spec = LatchedWriterSpec(key, form, str(encoding), qos, attachments.host)
         self._key = key
         self._encoding = encoding
-        self._last: deque[zenoh.ZBytes] = deque(maxlen=qos.depth)
+        self._attachments = attachments
+        self._last: deque[tuple[zenoh.ZBytes, bytes]] = deque(maxlen=qos.depth)
         reliable = qos.reliability == "reliable"
         self._publisher = declare_advanced_publisher(
             session,
@@ -151,8 +177,9 @@ class LatchedWriter:
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message and keeps it."""
-        self._last.append(payload)
-        self._publisher.put(payload)
+        attachment = self._attachments.next()
+        self._last.append((payload, attachment))
+        self._publisher.put(payload, attachment=attachment)
 
     def remote_spec(self) -> RemoteWriterSpec:
         """Returns the data with which another process can write to the key."""
@@ -171,19 +198,21 @@ class LatchedWriter:
 
     def _answer(self, query: zenoh.Query) -> None:
         with query:
-            for payload in tuple(self._last):
-                query.reply(self._key, payload, encoding=self._encoding)
+            for payload, attachment in tuple(self._last):
+                query.reply(self._key, payload, encoding=self._encoding, attachment=attachment)
 
 
 @dataclass(frozen=True, slots=True)
 class LatchedWriterSpec:
-    """The arguments of a `LatchedWriter`; picklable."""
+    """The arguments of a `LatchedWriter`; picklable. `host` is the first half of the gid in the attachments."""
 
     key: str
     form: Form
     encoding: str
     qos: QoS
+    host: bytes
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedWriter:
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now) -> LatchedWriter:
         """Declares the writer; it is matched from the start, so `on_matched` is not called."""
-        return LatchedWriter(session, self.key, self.form, zenoh.Encoding(self.encoding), self.qos)
+        encoding, attachments = zenoh.Encoding(self.encoding), Attachments(self.host, now)
+        return LatchedWriter(session, self.key, self.form, encoding, self.qos, attachments)

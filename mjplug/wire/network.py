@@ -16,6 +16,7 @@ from mjplug.wire.calls import MAX_OPEN_CALLS, OpenCalls
 from mjplug.wire.dialect import Dialect
 from mjplug.wire.discovery.answers import ActionEntry, Direction, InterfacesQueryable, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.encoding import DEFAULT_LIMITS, Limits
+from mjplug.wire.origin import Now, no_time
 from mjplug.wire.plain import PlainDialect
 from mjplug.wire.publisher import WirePublisher
 from mjplug.wire.rmw_zenoh.dialect import RmwZenohDialect
@@ -256,6 +257,7 @@ def open_network(
     limits: Limits = DEFAULT_LIMITS,
     max_open_calls: int = MAX_OPEN_CALLS,
     ros2: RosSettings | None = None,
+    now: Now = no_time,
 ) -> Network:
     """Opens the session of a server and returns its network.
 
@@ -265,13 +267,14 @@ def open_network(
         limits: Size limits of received messages and requests.
         max_open_calls: Maximum number of requests that wait at the same time, for all services of one type.
         ros2: Settings of the rmw_zenoh dialect; None uses the plain dialect only.
+        now: Returns the simulated time and the epoch, for the attachments of messages. Physics thread.
 
     Raises:
         WireError: The session cannot be opened, or another server has the name.
     """
     session = open_session(settings, name)
     try:
-        plain = PlainDialect(session.zenoh)
+        plain = PlainDialect(session.zenoh, name, now)
         if ros2 is None:
             return Network(session, name, [plain], limits, max_open_calls)
         rmw_zenoh = RmwZenohDialect(session.zenoh, name, ros2)

@@ -25,6 +25,7 @@ from mjplug.wire.dialect import KeyWriter, RawGoal, RawRequest
 from mjplug.wire.encoding import TEXT, Form, Received, encoding_of
 from mjplug.wire.key_subscriber import declare_key_subscriber
 from mjplug.wire.key_writers import LatchedWriter, LiveWriter
+from mjplug.wire.origin import Attachments, Now, host_id, no_time
 from mjplug_schemas import names
 from mjplug_schemas.message import Message
 
@@ -43,10 +44,18 @@ def key_of(name: str, form: Form = "cdr") -> str:
 
 
 class PlainDialect:
-    """Implements `mjplug.wire.dialect.Dialect` on one session."""
+    """Implements `mjplug.wire.dialect.Dialect` on one session.
 
-    def __init__(self, session: zenoh.Session) -> None:
+    Args:
+        session: The session.
+        name: The server's full name, such as `/robot1/mjplug`.
+        now: Returns the simulated time and the epoch, for the attachments of messages.
+    """
+
+    def __init__(self, session: zenoh.Session, name: str = "", now: Now = no_time) -> None:
         self._session = session
+        self._host = host_id(session, name)
+        self._now = now
         self._writers: list[LiveWriter | LatchedWriter] = []
         self._declared: list[object] = []
 
@@ -111,9 +120,10 @@ class PlainDialect:
         self, topic: Topic[Any], form: Form, on_matched: Callable[[], None]
     ) -> LiveWriter | LatchedWriter:
         key, encoding = key_of(topic.name, form), encoding_of(form, topic.type)
+        attachments = Attachments(self._host, self._now)
         if topic.qos.durability == "transient_local":
-            return LatchedWriter(self._session, key, form, encoding, topic.qos)
-        return LiveWriter(self._session, key, form, encoding, topic.qos, on_matched)
+            return LatchedWriter(self._session, key, form, encoding, topic.qos, attachments)
+        return LiveWriter(self._session, key, form, encoding, topic.qos, on_matched, attachments)
 
 
 class PlainRequest:

@@ -9,6 +9,7 @@ from zenoh import Session, ZBytes
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import Topic
 from mjplug.wire.dialect import KeyWriter, RemoteWriterSpec
+from mjplug.wire.origin import Now, no_time
 from mjplug_schemas.message import Message
 
 M = TypeVar("M", bound=Message)
@@ -107,8 +108,14 @@ class RemotePublisherSpec:
     topic: Topic[Any]
     writers: tuple[RemoteWriterSpec, ...]
 
-    def open(self, session: Session, on_matched: Callable[[], None]) -> WirePublisher[Any]:
-        """Declares the publisher on another session; `on_matched` is called when a writer gets its first subscriber."""
+    def open(self, session: Session, on_matched: Callable[[], None], now: Now = no_time) -> WirePublisher[Any]:
+        """Declares the publisher on another session.
+
+        Args:
+            session: The session.
+            on_matched: Called when a writer gets its first subscriber.
+            now: Returns the simulated time and the epoch of the messages.
+        """
         # Compile the encoder now, as the server does.
         self.topic.type().to_cdr()
-        return WirePublisher(self.topic, [writer.open(session, on_matched) for writer in self.writers])
+        return WirePublisher(self.topic, [writer.open(session, on_matched, now) for writer in self.writers])

@@ -15,6 +15,7 @@ from mjplug.contracts.work import Job, Work
 from mjplug.physics import process, snapshot
 from mjplug.wire.bytes_endpoints import RemoteBytesSpec
 from mjplug.wire.dialect import KeyWriter
+from mjplug.wire.origin import UNKNOWN_TIME
 from mjplug.wire.publisher import RemotePublisherSpec
 from mjplug.wire.session import SessionSettings, join
 from mjplug.worker.states import SharedStates
@@ -57,6 +58,8 @@ class ChildRunner:
         self._writers: list[KeyWriter] = []
         self._waited: dict[KeyWriter, float] = {}
         self._matched = threading.Event()
+        # Simulated time and epoch of the job, for the attachments of its messages.
+        self._now = (UNKNOWN_TIME, 0)
 
     def open(self, logger: logging.Logger) -> str:
         """Connects to the server's network, declares the publishers and opens the work.
@@ -70,7 +73,9 @@ class ChildRunner:
         """
         setup = self._setup
         session = self._session = join(setup.session, setup.endpoints)
-        publishers = self._publishers = [spec.open(session, self._matched.set) for spec in setup.publishers]
+        publishers = self._publishers = [
+            spec.open(session, self._matched.set, lambda: self._now) for spec in setup.publishers
+        ]
         self._writers = [writer for publisher in publishers for writer in publisher.writers]
         return setup.work.open(self._model, publishers, logger)
 
@@ -84,6 +89,7 @@ class ChildRunner:
             lag: Maximum time to wait until this process has matched the same subscribers [s].
         """
         self._wait_for_matches(matched, lag)
+        self._now = (job.time_ns, job.epoch)
         snapshot.load(self._model, self._data, self._slots[slot])
         return perform(self._setup.work, self._data, job, self._publishers)
 

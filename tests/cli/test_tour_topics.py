@@ -251,7 +251,7 @@ def test_the_rate_of_a_1_khz_topic_is_measured_to_one_hertz(tour, monkeypatch):
 
     monkeypatch.setattr(topic_rates, "arrival", arrival)
     rate, spread = tour.ask("topic", "hz", "/clock", "-n", "2").splitlines()[-2:]
-    found = re.fullmatch(r"\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: (\d+)", spread)
+    found = re.fullmatch(r"\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: (\d+) lost: \d+", spread)
     last = int(found[1]) - 1
     # A busy machine may make the server run slower; by its stamps, it is a thousand in each simulated second.
     pace = (stamps[last] - stamps[0]) / (arrivals[last] - arrivals[0])
@@ -318,13 +318,24 @@ def test_a_topic_without_messages_is_reported(tour):
 
 def test_rates_of_several_topics_are_a_table(tour):
     table = tour.ask("topic", "hz", "/clock", "/mujoco_heartbeat", "/cmd_vel", "-n", "2").splitlines()[-5:]
-    assert table[0].split() == ["topic", "rate", "min_delta", "max_delta", "std_dev", "window"]
+    assert table[0].split() == ["topic", "rate", "min_delta", "max_delta", "std_dev", "window", "lost"]
     assert set(table[1]) == {"="}
     rows = {row.split()[0]: [float(cell) for cell in row.split()[1:]] for row in table[2:4]}
     # The third one has no messages.
     assert list(rows) == ["/clock", "/mujoco_heartbeat"]
     # 1000 Hz and 20 Hz of simulated time, which a busy machine makes slower alike.
     assert rows["/clock"][0] / rows["/mujoco_heartbeat"][0] == pytest.approx(50.0, rel=0.5)
+
+
+def test_echo_shows_the_age_of_messages_and_what_was_lost_before_them(tour):
+    shown = tour.ask("topic", "echo", "/clock", "--age", "--flow-style", "-n", "2").splitlines()
+    head = r"# age [\d.]+ s, sequence number \d+, simulated time ([\d.]+) s, epoch \d+, publisher [0-9a-f]{32}"
+    assert re.match(head, shown[0]), shown
+    sec, nanosec = re.findall(r"\d+", shown[1])
+    assert re.match(head, shown[0])[1] == f"{int(sec)}.{int(nanosec):09d}"
+    # A comment, so that the output is still YAML.
+    assert len(documents("\n".join(shown))) == 2
+    assert "only in YAML" in tour.fail(2, "topic", "echo", "/clock", "--age", "--csv")
 
 
 def test_a_rate_of_chosen_messages_is_lower(tour):

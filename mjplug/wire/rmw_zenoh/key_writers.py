@@ -13,6 +13,7 @@ from mjplug.contracts.transport import QoS
 from mjplug.wire.dialect import RemoteWriterSpec
 from mjplug.wire.encoding import Form
 from mjplug.wire.key_writers import WORKER_PRIORITY, LiveWriter
+from mjplug.wire.origin import Now
 from mjplug.wire.rmw_zenoh.attachment import Attachments
 
 _HEARTBEAT_PERIOD = 0.5
@@ -31,13 +32,13 @@ class LiveRmwWriter(LiveWriter):
         on_matched: Callable[[], None],
         priority: zenoh.Priority = zenoh.Priority.DATA,
     ) -> None:
-        self._attachments = Attachments(gid)
+        self._rmw_attachments = Attachments(gid)
         self._rmw_remote_spec = LiveRmwWriterSpec(key, gid, qos)
-        super().__init__(session, key, "cdr", zenoh.Encoding.ZENOH_BYTES, qos, on_matched, priority)
+        super().__init__(session, key, "cdr", zenoh.Encoding.ZENOH_BYTES, qos, on_matched, priority=priority)
 
     def put(self, payload: zenoh.ZBytes) -> None:
         """Sends an encoded message."""
-        self._put(payload, attachment=self._attachments.next())
+        self._put(payload, attachment=self._rmw_attachments.next())
 
     def remote_spec(self) -> RemoteWriterSpec:
         """Returns the data with which another process can write to the key, with the gid of the server's token."""
@@ -52,8 +53,8 @@ class LiveRmwWriterSpec:
     gid: bytes
     qos: QoS
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LiveRmwWriter:
-        """Declares the writer."""
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now) -> LiveRmwWriter:
+        """Declares the writer. Attachments of rmw_zenoh contain no simulated time."""
         return LiveRmwWriter(session, self.key, self.gid, self.qos, on_matched, WORKER_PRIORITY)
 
 
@@ -106,6 +107,6 @@ class LatchedRmwWriterSpec:
     gid: bytes
     qos: QoS
 
-    def open(self, session: zenoh.Session, on_matched: Callable[[], None]) -> LatchedRmwWriter:
+    def open(self, session: zenoh.Session, on_matched: Callable[[], None], now: Now) -> LatchedRmwWriter:
         """Declares the writer; it is matched from the start, so `on_matched` is not called."""
         return LatchedRmwWriter(session, self.key, self.gid, self.qos)
