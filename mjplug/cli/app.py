@@ -21,6 +21,7 @@ from mjplug.cli.optional_value import ViewPortCommand
 from mjplug.cli.output import complain, complain_of
 from mjplug.cli.param import app as param_app
 from mjplug.cli.plugin import app as plugin_app
+from mjplug.cli.record import record
 from mjplug.cli.router import router
 from mjplug.cli.serve import serve
 from mjplug.cli.service import app as service_app
@@ -90,6 +91,13 @@ app.command(
         "mjplug teleop /diff_drive_controller/cmd_vel --stamped      (a topic of another program)",
     )
 )(teleop)
+app.command(
+    epilog=examples(
+        "mjplug record --all",
+        "mjplug record /joint_states /tf /tf_static -o run1",
+        "mjplug record -a -x image -d 60      (a new file every minute)",
+    )
+)(record)
 app.command(
     epilog=examples(
         "mjplug router",

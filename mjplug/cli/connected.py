@@ -29,7 +29,17 @@ ZenohConfig = Annotated[
     typer.Option("--zenoh-config", metavar="FILE", help="A Zenoh configuration file: TLS, passwords and so on."),
 ]
 
-_SHARED = {
+_LONG_ENDPOINT = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        metavar="ENDPOINT",
+        envvar="MJPLUG_CONNECT",
+        help="Endpoint of the server, as in its `ready` line.  [default: tcp/127.0.0.1:7447]",
+    ),
+]
+
+_SHARED: dict[str, tuple[Any, Any]] = {
     "connect": (Endpoint, None),
     "wait": (
         Annotated[
@@ -56,8 +66,14 @@ _SHARED = {
 }
 
 
-def connected(function: Callable[..., None]) -> Callable[..., None]:
-    """Turns a function whose first argument is a client into a command: adds options, opens and closes the client."""
+def connected(function: Callable[..., None], short_e: bool = False) -> Callable[..., None]:
+    """Turns a function whose first argument is a client into a command: adds options, opens and closes the client.
+
+    Args:
+        function: The function.
+        short_e: Whether the command uses `-e` for an option of its own, as `ros2 bag record` does; `--connect` then has
+            no short form.
+    """
 
     @functools.wraps(function)
     def command(*, connect: str | None, wait: float, server: str, zenoh_config: str | None, **rest: Any) -> None:
@@ -67,7 +83,7 @@ def connected(function: Callable[..., None]) -> Callable[..., None]:
     own = list(inspect.signature(function).parameters.values())[1:]
     shared = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-        for name, (annotation, default) in _SHARED.items()
+        for name, (annotation, default) in (_SHARED | ({"connect": (_LONG_ENDPOINT, None)} if short_e else {})).items()
     ]
     # typer reads the signature from here; mypy does not know this attribute of functions.
     command.__signature__ = inspect.Signature([*own, *shared])  # type: ignore[attr-defined]
