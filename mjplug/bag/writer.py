@@ -14,7 +14,10 @@ from mjplug.bag.metadata import OPEN, FileInfo, metadata_text, write_metadata
 from mjplug.bag.topics import BagTopic, Compression
 
 RECORD = "mjplug"
-"""Name of the metadata record with what the recorder knows about the file."""
+"""Name of the metadata record at the beginning of a file: time axis, epochs, and why the file begins."""
+
+END_RECORD = "mjplug_end"
+"""Name of the metadata record at its end: what was lost."""
 
 _MAX_LATCHED_SOURCES = 256
 """Maximum number of publishers of latched topics whose messages are repeated in each file."""
@@ -61,7 +64,7 @@ class _File:
     """A file that is being written."""
 
     mcap: McapWriter
-    about: dict[str, str]
+    result: dict[str, str] = field(default_factory=dict)
     channels: dict[str, int] = field(default_factory=dict)
     start: int | None = None
 
@@ -108,6 +111,7 @@ class BagWriter:
         self._current: _File | None = None
         self._previous: _File | None = None
         self._about: dict[str, str] = {}
+        self._attachments: list[tuple[str, str, bytes]] = []
         self._latched: dict[tuple[str, bytes], deque[Record]] = {}
         try:
             folder.mkdir(parents=True)
@@ -126,7 +130,7 @@ class BagWriter:
         return self._count
 
     @property
-    def bytes(self) -> int:
+    def total_size(self) -> int:
         """Number of bytes in all files, with the messages that are not written yet."""
         parts = (file.mcap for file in (self._current, self._previous) if file is not None)
         return self.size + sum(part.size + part.pending for part in parts)
@@ -201,17 +205,35 @@ class BagWriter:
         except OSError as error:
             raise self._failed(error) from error
 
-    def finish(self, about: Mapping[str, str] | None = None) -> None:
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Adds an attachment to the present file, or to the next one if there is none.
+
+        Raises:
+            BagError: The disk is full, or fails.
+        """
+        if self._current is None:
+            self._attachments.append((name, media_type, data))
+            return
+        try:
+            self._current.mcap.add_attachment(name, media_type, data)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def describe(self, about: Mapping[str, str]) -> None:
+        """Sets what the metadata record of the next file contains."""
+        self._about = dict(about)
+
+    def finish(self, result: Mapping[str, str] | None = None) -> None:
         """Completes the bag. If the disk is full, the last messages are removed until the rest can be completed.
 
         Args:
-            about: Added to the metadata record of the last file.
+            result: Content of the metadata record at the end of the last file.
 
         Raises:
             BagError: The disk fails.
         """
         if self._current is not None:
-            self._current.about |= about or {}
+            self._current.result |= result or {}
         self.end_previous()
         current, self._current = self._current, None
         if current is not None:
@@ -233,15 +255,16 @@ class BagWriter:
     def _begin(self, first: Record) -> _File:
         path = self.folder / f"{self.folder.resolve().name}_{self._count}.mcap"
         mcap = McapWriter(path, f"mjplug {version('mjplug')}")
-        file = self._current = _File(mcap, dict(self._about))
+        file = self._current = _File(mcap)
         self._count += 1
         self._write_metadata(opened=True)
-        repeated = 0
-        for kept in self._latched.values():
-            for record in kept:
-                self._put(file, _at(record, first.log_time))
-                repeated += 1
-        file.about["repeated"] = str(repeated)
+        repeated = [record for kept in self._latched.values() for record in kept]
+        mcap.add_metadata(RECORD, self._about | {"repeated": str(len(repeated))})
+        for attachment in self._attachments:
+            mcap.add_attachment(*attachment)
+        self._attachments.clear()
+        for record in repeated:
+            self._put(file, _at(record, first.log_time))
         return file
 
     def _split_if_due(self, log_time: int) -> None:
@@ -267,7 +290,7 @@ class BagWriter:
         cut = False
         while True:
             try:
-                file.mcap.add_metadata(RECORD, file.about | ({"cut": "the disk was full"} if cut else {}))
+                file.mcap.add_metadata(END_RECORD, file.result | ({"cut": "the disk was full"} if cut else {}))
                 info = file.info()
                 topics = [topic for topic in self._topics.values() if topic.name in file.channels]
                 text = metadata_text(topics, [info], self._custom)

@@ -212,7 +212,7 @@ class _Progress:
         if not self._shown or now - self._last < _PROGRESS_INTERVAL:
             return
         recorder = self._recorder
-        size = recorder.bag.bytes
+        size = recorder.bag.total_size
         rate = (size - self._bytes) / (now - self._last)
         self._bytes, self._last = size, now
         sys.stderr.write(
@@ -259,7 +259,7 @@ def _say_summary(recorder: "Recorder", discarded: int) -> None:
     filled = sum(topic.written > 0 for topic in recorder.topics.values())
     say(
         f"recorded {recorder.total('written')} messages of {filled} topics "
-        f"in {recorder.bag.folder} ({_size(recorder.bag.bytes)}, {recorder.bag.files} "
+        f"in {recorder.bag.folder} ({_size(recorder.bag.total_size)}, {recorder.bag.files} "
         f"{'file' if recorder.bag.files == 1 else 'files'})"
     )
     for name, topic in sorted(recorder.topics.items()):

@@ -120,6 +120,7 @@ class Recorder:
         self._warned: set[str] = set()
         self.sources = Sources(session, self._found)
         self._lives = Lives(self.sources.server_of)
+        bag.describe({"clock": clock})
 
     def wait_for_time(self, timeout: float) -> bool:
         """Waits until the servers have been asked for their topics, and simulated time is known if it is needed.

@@ -208,7 +208,7 @@ def test_messages_that_do_not_fit_into_memory_are_dropped_and_counted(publishing
     assert read[-1].data == String(data="last").to_cdr()
     assert len(read) == topic.written == sent + 1 - topic.dropped
     assert topic.dropped > 100
-    assert metadata_of(tmp_path / "bag" / "bag_0.mcap")["dropped"] == f'{{"/told": {topic.dropped}}}'
+    assert metadata_of(tmp_path / "bag" / "bag_0.mcap", "mjplug_end")["dropped"] == f'{{"/told": {topic.dropped}}}'
 
 
 def test_messages_that_were_lost_on_the_way_are_counted_by_their_numbers(publishing, record, tmp_path):
@@ -223,7 +223,7 @@ def test_messages_that_were_lost_on_the_way_are_counted_by_their_numbers(publish
     recording.arrived(5)
     recording.finish()
     assert recording.recorder.topics["/told"].gaps.lost == 5
-    assert metadata_of(tmp_path / "bag" / "bag_0.mcap")["lost"] == '{"/told": 5}'
+    assert metadata_of(tmp_path / "bag" / "bag_0.mcap", "mjplug_end")["lost"] == '{"/told": 5}'
 
 
 def test_a_publisher_without_attachments_is_recorded_at_the_time_of_the_clock(publishing, record, tmp_path):
