@@ -21,6 +21,7 @@ from mjplug.cli.node import app as node_app
 from mjplug.cli.optional_value import ViewPortCommand
 from mjplug.cli.output import complain, complain_of
 from mjplug.cli.param import app as param_app
+from mjplug.cli.play import play
 from mjplug.cli.plugin import app as plugin_app
 from mjplug.cli.record import record
 from mjplug.cli.router import router
@@ -100,6 +101,13 @@ app.command(
         "mjplug record -a -x image -d 60      (a new file every minute)",
     )
 )(record)
+app.command(
+    epilog=examples(
+        "mjplug play run1",
+        "mjplug play run1 --rate 0.5 --loop --clock 100",
+        "mjplug play run1 --topics /joint_states --remap /joint_states:=/recorded/joint_states",
+    )
+)(play)
 app.command(
     epilog=examples(
         "mjplug router",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from mjplug.cli.connected import connected
+from mjplug.cli.ending import EndingSignals
 from mjplug.cli.names import complete_topic
 from mjplug.cli.output import complain, say
 
@@ -107,13 +108,13 @@ def record(
     folder = output or Path(time.strftime("mjplug_%Y_%m_%d-%H_%M_%S"))
     limits = Limits(max_bag_size, round(max_bag_duration * 1e9))
     bag = BagWriter(folder, compression, limits, {"clock": clock})
-    with _Signals() as signals:
+    with EndingSignals() as signals:
         recorder = Recorder(client.session, bag, selection, clock, max_cache_size, _notice)
         recorder.paused = start_paused
         _run(client, recorder, signals, duration)
 
 
-def _run(client: "Client", recorder: "Recorder", signals: "_Signals", duration: float | None) -> None:
+def _run(client: "Client", recorder: "Recorder", signals: EndingSignals, duration: float | None) -> None:
     """Records until a signal or the end of `duration`, and completes the bag."""
     from mjplug.bag.errors import BagError
 
@@ -154,24 +155,6 @@ def _run(client: "Client", recorder: "Recorder", signals: "_Signals", duration: 
     _say_summary(recorder, discarded)
     if failure is not None:
         raise failure
-
-
-class _Signals:
-    """Counts SIGINT and SIGTERM inside a `with` block."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def __enter__(self) -> "_Signals":
-        self._before = {number: signal.signal(number, self._add) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _add(self, *_: object) -> None:
-        self.count += 1
 
 
 @contextlib.contextmanager

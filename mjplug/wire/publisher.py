@@ -86,6 +86,22 @@ class WirePublisher(Generic[M]):
                     payload = ZBytes(frame.type.from_cdr(frame.buffer).to_json())
                 writer.put(payload)
 
+    def publish_cdr(self, data: bytes) -> None:
+        """Publishes a message that is encoded in CDR already; for JSON subscribers it is decoded and encoded again."""
+        self.sent += 1
+        payload: ZBytes | None = None
+        for writer in self._cdr:
+            if writer.matched:
+                if payload is None:
+                    payload = ZBytes(data)
+                writer.put(payload)
+        payload = None
+        for writer in self._json:
+            if writer.matched:
+                if payload is None:
+                    payload = ZBytes(self.topic.type.from_cdr(data).to_json())
+                writer.put(payload)
+
     def remote_spec(self) -> "RemotePublisherSpec":
         """Returns the data with which another process can publish this topic in place of the server."""
         self.remote = True
