@@ -16,6 +16,18 @@ class MissingExtraError(BagError):
         )
 
 
+def require_parquet() -> None:
+    """Checks that the extra `parquet` is installed.
+
+    Raises:
+        BagError: It is not.
+    """
+    try:
+        import pyarrow.parquet  # noqa: F401, PLC0415
+    except ImportError:
+        raise BagError("Parquet needs the extra `parquet`: pip install 'mjplug[parquet]'; --csv needs none") from None
+
+
 def require_mcap() -> None:
     """Checks that the extra is installed.
 

@@ -159,6 +159,42 @@ def filter_(
     _copy(bag, output or _beside(bag, "filtered"), chosen, 0.0, math.inf, compression)
 
 
+@app.command()
+def export(
+    bag: BagPath,
+    topics: Annotated[list[str] | None, typer.Argument(metavar="[TOPIC]...", help="Topics. Default: all.")] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Write CSV; the default.")] = False,
+    parquet: Annotated[bool, typer.Option("--parquet", help="Write Parquet; needs the extra `parquet`.")] = False,
+    output: Output = None,
+    max_array: Annotated[
+        int,
+        typer.Option(
+            "--max-array", min=0, metavar="COUNT", help="Leave out arrays with more elements, but their length."
+        ),
+    ] = 128,
+) -> None:
+    """Writes each topic as a table: one row per message, one column per number or text."""
+    from mjplug.errors import MjplugError, UnknownName
+
+    if csv and parquet:
+        raise typer.BadParameter("choose one of --csv and --parquet", param_hint="--parquet")
+    opened = _open(bag)
+    from mjplug.bag import export as tables
+    from mjplug.bag.errors import require_parquet
+
+    if parquet:
+        require_parquet()
+    names = {f"/{topic.removeprefix('/')}" for topic in topics or ()}
+    there = {topic.name for file in opened.summaries() for topic in file.topics.values()}
+    for name in sorted(names - there):
+        raise MjplugError(str(UnknownName("topic in the bag", name, sorted(there))))
+    format: Literal["csv", "parquet"] = "parquet" if parquet else "csv"
+    folder = output or _beside(bag, format)
+    written = tables.export(opened, folder, lambda name: not names or name in names, format, max_array)
+    for name, (path, count) in written.items():
+        say(f"{path}: {_plural(count, 'row')} of {name}")
+
+
 def _copy(bag: Path, folder: Path, chosen: Any, start: float, end: float, compression: Any) -> None:
     opened = _open(bag)
     from mjplug.bag import edit

@@ -120,8 +120,9 @@ def play(
             outputs = Outputs(network, chosen, renamed, clock > 0.0)
             for name, why in sorted(outputs.skipped.items()):
                 complain(f"note: {name} is not played: {why}")
+            count = len(chosen) - len(outputs.skipped)
             say(
-                f"playing {len(chosen) - len(outputs.skipped)} topics of {bag} at {network.session.endpoint}"
+                f"playing {count} {'topic' if count == 1 else 'topics'} of {bag} at {network.session.endpoint}"
                 f"{'; paused' if start_paused else ''}"
             )
             if delay:
