@@ -26,6 +26,18 @@ READ_ONLY: Final = frozenset(
         "rcl_interfaces/srv/GetParameterTypes",
         "rcl_interfaces/srv/GetParameters",
         "rcl_interfaces/srv/ListParameters",
+        "simulation_interfaces/srv/GetAvailableWorlds",
+        "simulation_interfaces/srv/GetCurrentWorld",
+        "simulation_interfaces/srv/GetEntities",
+        "simulation_interfaces/srv/GetEntitiesStates",
+        "simulation_interfaces/srv/GetEntityBounds",
+        "simulation_interfaces/srv/GetEntityInfo",
+        "simulation_interfaces/srv/GetEntityState",
+        "simulation_interfaces/srv/GetNamedPoseBounds",
+        "simulation_interfaces/srv/GetNamedPoses",
+        "simulation_interfaces/srv/GetSimulationState",
+        "simulation_interfaces/srv/GetSimulatorFeatures",
+        "simulation_interfaces/srv/GetSpawnables",
         "type_description_interfaces/srv/GetTypeDescription",
     }
 )

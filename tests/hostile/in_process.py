@@ -63,7 +63,7 @@ class Target:
         model = load_model(loaded.settings.model, *loaded.folders(("model",)))
         self.simulation = Simulation(model.model, "")
         self.transport = ByteTransport()
-        self.server = Server(loaded.settings, self.simulation, self.transport, plugins, OfflineWorkerPool(), model.path)
+        self.server = Server(loaded.settings, self.simulation, self.transport, plugins, OfflineWorkerPool(), model)
         descriptions = TypeDescriptions({one.type_name: find(one.type_name) for one in self.transport.interfaces})
         described = ServiceName("/mjplug/get_type_description", GetTypeDescription)
         self.transport.open_service(described, lambda call: call.respond(descriptions.answer(call.request)))
