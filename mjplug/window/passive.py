@@ -9,9 +9,8 @@ from typing import Any
 import mujoco
 
 from mjplug.window.controls import Controls
-from mjplug.window.drag import Drag
-from mjplug.window.feed import Feed
 from mjplug.window.interrupt import DelayedInterrupt
+from mjplug.window.served import Served
 from mjplug.window.stream import State
 
 _SPACE, _RIGHT, _BACKSPACE = 32, 262, 259
@@ -23,15 +22,11 @@ _CLOSE_TIMEOUT = 5.0
 """How long to wait until the window is closed [s]; otherwise, its thread may crash at the end of the process."""
 
 
-def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Controls) -> None:
+def show(served: Served) -> None:
     """Shows the states of a server until the user closes the window.
 
     Args:
-        name: The server's full name.
-        model: The server's model.
-        feed: The server's states.
-        drag: Sends what the user drags.
-        controls: Controls the server.
+        served: The server.
 
     Raises:
         WindowError: The states do not fit the model.
@@ -40,6 +35,7 @@ def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Con
     # Not at the top, because it loads GLFW, which needs a screen. MuJoCo's stubs lack it.
     viewers: Any = import_module("mujoco.viewer")
 
+    model, feed = served.model, served.feed
     data = mujoco.MjData(model)
     keys: SimpleQueue[int] = SimpleQueue()
     before = set(threading.enumerate())
@@ -50,13 +46,13 @@ def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Con
             while viewer.is_running() and not interrupt.requested:
                 state = feed.load(data, _PERIOD)
                 with viewer.lock():
-                    drag.update(model, viewer.perturb)
+                    served.drag.update(model, viewer.perturb)
                 viewer.sync()
                 if state is not None:
-                    _handle_keys(keys, state, controls)
+                    _handle_keys(keys, state, served.controls)
                     if monotonic() - shown >= _TEXT_PERIOD:
                         shown = monotonic()
-                        _describe(viewer, name, state, feed.silent)
+                        _describe(viewer, served.name, state, feed.silent)
         finally:
             viewer.close()
             for thread in set(threading.enumerate()) - before:

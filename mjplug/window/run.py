@@ -11,6 +11,7 @@ from mjplug.window.controls import Controls
 from mjplug.window.drag import Drag
 from mjplug.window.feed import Feed
 from mjplug.window.screen import check_screen
+from mjplug.window.served import Served
 from mjplug.window.stream import States, fetch_model
 from mjplug_schemas import names
 
@@ -41,15 +42,15 @@ def run_window(client: Client, server: str = "", report: Callable[[str], None] |
     states = States(client.session, key)
     drag = Drag(client.session, key)
     try:
-        feed = Feed(name, model, states)
+        served = Served(name, model, Feed(name, model, states), drag, controls)
         if int(mujoco.__version__.partition(".")[0]) < _FIRST_STUDIO:
             from mjplug.window import passive  # noqa: PLC0415 - each generation of MuJoCo has only one of them
 
-            passive.show(name, model, feed, drag, controls)
+            passive.show(served)
         else:
             from mjplug.window import studio  # noqa: PLC0415
 
-            studio.show(name, model, feed, drag, controls)
+            studio.show(served)
     finally:
         drag.close()
         states.close()

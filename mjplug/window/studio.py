@@ -5,7 +5,7 @@ from mujoco.studio import app, launch_passive, messages, plugin, sim, sim_histor
 
 from mjplug.window.controls import Controls
 from mjplug.window.drag import Drag
-from mjplug.window.feed import Feed
+from mjplug.window.served import Served
 from mjplug.window.stream import State
 
 _PERIOD = 1.0 / 60.0
@@ -15,26 +15,22 @@ _GRAPHICS = "opengl_headless"
 """Studio draws into memory and then into its window; without this, 4.0.0 raises `Target not found`."""
 
 
-def show(name: str, model: mujoco.MjModel, feed: Feed, drag: Drag, controls: Controls) -> None:
+def show(served: Served) -> None:
     """Shows the states of a server until the user closes the window.
 
     Args:
-        name: The server's full name.
-        model: The server's model.
-        feed: The server's states.
-        drag: Sends what the user drags.
-        controls: Controls the server.
+        served: The server.
 
     Raises:
         WindowError: The states do not fit the model.
     """
-    config = viewer_protocol.ViewerConfig(title=f"{name} - mjplug", gfx=_GRAPHICS)
-    server = _Server(model, controls)
-    with launch_passive.launch(config, plugins=[app.App(), _Dragging(model, drag), server]) as handle:
+    config = viewer_protocol.ViewerConfig(title=f"{served.name} - mjplug", gfx=_GRAPHICS)
+    model, server = served.model, _Server(served.model, served.controls)
+    with launch_passive.launch(config, plugins=[app.App(), _Dragging(model, served.drag), server]) as handle:
         data = mujoco.MjData(model)
         handle.set_model(model, data=data)
         while handle.is_running():
-            state = feed.load(data, _PERIOD)
+            state = served.feed.load(data, _PERIOD)
             if state is not None:
                 server.mirror(state)
             handle.sync()

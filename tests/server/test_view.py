@@ -125,54 +125,54 @@ def step_until(server, condition):
         server.step(1)
 
 
-def drag(client, **message):
-    client.session.put("mjplug/@view/drag", json.dumps({"viewer": "ann", "body": "hand", **message}))
-
-
-def test_a_viewer_pulls_a_body_and_lets_it_go(stepped, monkeypatch):
-    monkeypatch.setattr(drags, "HOLD_TIME", 1000.0)
+@pytest.fixture
+def viewer(stepped):
+    """A client whose messages about drags reach the server."""
     client = Client(stepped.endpoint)
-    force = stepped.data.xfrc_applied
     client.publisher("mjplug/@view/drag")
-    drag(client, target=[0.0, 0.0, 5.0])
-    step_until(stepped, force.any)
+    yield client
+    client.close()
+
+
+def drag(viewer, **message):
+    viewer.session.put("mjplug/@view/drag", json.dumps({"viewer": "ann", "body": "hand", **message}))
+
+
+def pull(viewer, server):
+    """Pulls the body upwards until its force acts; returns the forces on all bodies."""
+    force = server.data.xfrc_applied
+    drag(viewer, target=[0.0, 0.0, 5.0])
+    step_until(server, force.any)
+    return force
+
+
+def test_a_viewer_pulls_a_body_and_lets_it_go(stepped, viewer, monkeypatch):
+    monkeypatch.setattr(drags, "HOLD_TIME", 1000.0)
+    force = pull(viewer, stepped)
     body = stepped.model.body("hand").id
     assert force[body, 2] > 0.0
     assert not np.delete(force, body, axis=0).any()
-    drag(client, release=True)
+    drag(viewer, release=True)
     step_until(stepped, lambda: not force.any())
-    client.close()
 
 
-def test_a_viewer_that_falls_silent_lets_go(stepped, monkeypatch):
+def test_a_viewer_that_falls_silent_lets_go(stepped, viewer, monkeypatch):
     # Long enough to see the force on a busy machine.
     monkeypatch.setattr(drags, "HOLD_TIME", 3.0)
-    client = Client(stepped.endpoint)
-    force = stepped.data.xfrc_applied
-    client.publisher("mjplug/@view/drag")
-    drag(client, target=[0.0, 0.0, 5.0])
-    step_until(stepped, force.any)
+    force = pull(viewer, stepped)
     step_until(stepped, lambda: not force.any())
-    client.close()
 
 
-def test_a_viewer_whose_connection_ends_lets_go_at_once(stepped, monkeypatch):
+def test_a_viewer_whose_connection_ends_lets_go_at_once(stepped, viewer, monkeypatch):
     monkeypatch.setattr(drags, "HOLD_TIME", 1000.0)
-    client = Client(stepped.endpoint)
-    force = stepped.data.xfrc_applied
-    token = client.session.liveliness().declare_token("mjplug/@view/viewer/ann")
-    client.publisher("mjplug/@view/drag")
-    drag(client, target=[0.0, 0.0, 5.0])
-    step_until(stepped, force.any)
-    client.close()
+    token = viewer.session.liveliness().declare_token("mjplug/@view/viewer/ann")
+    force = pull(viewer, stepped)
+    viewer.close()
     step_until(stepped, lambda: not force.any())
     del token
 
 
-def test_too_large_a_message_is_refused(stepped, caplog):
-    client = Client(stepped.endpoint)
-    client.publisher("mjplug/@view/drag")
-    drag(client, target=[0.0, 0.0, 5.0], padding="x" * 5000)
+def test_too_large_a_message_is_refused(stepped, viewer, caplog):
+    drag(viewer, target=[0.0, 0.0, 5.0], padding="x" * 5000)
     step_until(stepped, lambda: "at most 4096 are accepted" in caplog.text)
     assert not stepped.data.xfrc_applied.any()
-    client.close()

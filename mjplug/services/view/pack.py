@@ -1,6 +1,6 @@
 """The drawing pack: everything that a client without MuJoCo needs to draw a model, except the poses."""
 
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 
@@ -80,22 +80,10 @@ def _bodies(model: mujoco.MjModel) -> list[dict[str, Any]]:
 def _geoms(model: mujoco.MjModel) -> list[dict[str, Any]]:
     entries = []
     for geom, name in enumerate(names(model, _OBJ.mjOBJ_GEOM, model.ngeom)):
-        material, kind, data = (int(a[geom]) for a in (model.geom_matid, model.geom_type, model.geom_dataid))
-        rgba = meshes.color(model, model.geom_rgba[geom], material)
-        if rgba[3] <= 0.0:
+        if meshes.color(model, model.geom_rgba[geom], int(model.geom_matid[geom]))[3] <= 0.0:
             continue
-        entry = {
-            "id": geom,
-            "name": name,
-            "body": int(model.geom_bodyid[geom]),
-            "type": _GEOMS[kind],
-            "size": numbers(model.geom_size[geom]),
-            "pos": numbers(model.geom_pos[geom]),
-            "quat": numbers(model.geom_quat[geom]),
-            "rgba": numbers(rgba),
-            "material": material,
-            "group": int(model.geom_group[geom]),
-        }
+        entry = _shape(model, "geom", geom, name)
+        kind, data = int(model.geom_type[geom]), int(model.geom_dataid[geom])
         if data >= 0 and kind in _MESH_TYPES:
             entry["mesh"] = data
         elif data >= 0 and kind == _HFIELD:
@@ -105,21 +93,29 @@ def _geoms(model: mujoco.MjModel) -> list[dict[str, Any]]:
 
 
 def _sites(model: mujoco.MjModel) -> list[dict[str, Any]]:
-    return [
-        {
-            "id": site,
-            "name": name,
-            "body": int(model.site_bodyid[site]),
-            "type": _GEOMS[int(model.site_type[site])],
-            "size": numbers(model.site_size[site]),
-            "pos": numbers(model.site_pos[site]),
-            "quat": numbers(model.site_quat[site]),
-            "rgba": numbers(meshes.color(model, model.site_rgba[site], int(model.site_matid[site]))),
-            "material": int(model.site_matid[site]),
-            "group": int(model.site_group[site]),
-        }
-        for site, name in enumerate(names(model, _OBJ.mjOBJ_SITE, model.nsite))
-    ]
+    found = names(model, _OBJ.mjOBJ_SITE, model.nsite)
+    return [_shape(model, "site", site, name) for site, name in enumerate(found)]
+
+
+def _shape(model: mujoco.MjModel, kind: Literal["geom", "site"], index: int, name: str) -> dict[str, Any]:
+    """Returns what geoms and sites have in common."""
+
+    def value(field: str) -> Any:
+        return getattr(model, f"{kind}_{field}")[index]
+
+    material = int(value("matid"))
+    return {
+        "id": index,
+        "name": name,
+        "body": int(value("bodyid")),
+        "type": _GEOMS[int(value("type"))],
+        "size": numbers(value("size")),
+        "pos": numbers(value("pos")),
+        "quat": numbers(value("quat")),
+        "rgba": numbers(meshes.color(model, value("rgba"), material)),
+        "material": material,
+        "group": int(value("group")),
+    }
 
 
 def _cameras(model: mujoco.MjModel) -> list[dict[str, Any]]:
