@@ -12,6 +12,7 @@ from mjplug.config.problem import ConfigError, Problem
 from mjplug.config.settings import PluginEntry, Settings
 from mjplug.config.tree import Tree
 from mjplug.convert.options import ConversionOptions
+from mjplug.convert.received import ReceivedModel
 
 
 class Loaded(Origins):
@@ -44,7 +45,10 @@ class Draft(Origins):
 
     Attributes:
         problems: The problems found so far, including warnings.
+        received: The model, if it comes from a topic and has been received already.
     """
+
+    received: ReceivedModel | None = None
 
     def __init__(self, tree: Tree, folder: Path, problems: Iterable[Problem]) -> None:
         super().__init__(tree, folder)

@@ -18,10 +18,13 @@ from mjplug.config.ros_params import is_ros_file, node_names, own_form
 from mjplug.config.settings import Settings
 from mjplug.config.tree import Tree
 
-__all__ = ["Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
+__all__ = ["TOPIC", "Draft", "Loaded", "Option", "Setting", "is_model", "load", "read"]
 
 _MODEL_SUFFIXES = (".xml", ".mjcf", ".urdf", ".xacro", ".mjb", ".mjz")
-_MODEL_SCHEMES = ("bundled:", "package://")
+TOPIC = "topic:"
+"""Beginning of the name of a model that is the text on a topic."""
+
+_MODEL_SCHEMES = ("bundled:", "package://", TOPIC)
 MAY_BE_EMPTY = ("remap", "sim", "zenoh", "ros2", "plugins", "ros_params", "model_options")
 """Settings that may be written without a value."""
 

@@ -178,8 +178,11 @@ class Settings(Section):
 
     model: str = Field(
         min_length=1,
-        description="A .xml, .urdf, .xacro, .mjb or .mjz file relative to this file, `package://pkg/path`, or "
-        "`bundled:NAME`.",
+        description="A .xml, .urdf, .xacro, .mjb or .mjz file relative to this file, `package://pkg/path`, "
+        "`bundled:NAME`, or `topic:/robot_description` for the URDF or MJCF on a latched topic.",
+    )
+    model_timeout: float = Field(
+        120.0, gt=0, le=86_400, description="How long to wait for a model from a topic [s of wall time]."
     )
     model_options: ConversionOptions = Field(
         ConversionOptions(), description="Options of the conversion of a URDF or xacro file."

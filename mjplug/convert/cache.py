@@ -46,12 +46,12 @@ def key_of(source: Source, options: ConversionOptions, packages: Packages) -> st
     own = sorted(file for file in Path(__file__).parent.rglob("*") if file.suffix in (".py", ".xml"))
     add(*(file.read_bytes() for file in own))
     add(FORMAT, mujoco.mj_versionString(), *(f"{name} {_version(name)}" for name in _LIBRARIES))
-    add(options.model_dump_json(exclude={"packages"}), source.path.name)
+    add(options.model_dump_json(exclude={"packages"}), source.path.name, source.origin)
     add(ElementTree.tostring(source.root), *source.warnings)
     for name in (options.srdf, options.scene, *options.mujoco_inputs):
         if name and Path(name).is_file():
             add(name, Path(name).read_bytes())
-    finder = MeshFiles(source.path.absolute().parent, packages)
+    finder = MeshFiles(source.path.absolute().parent, packages, bool(source.origin))
     for name in gains_files(source.root):
         with contextlib.suppress(ModelError, OSError):
             add(name, finder.find(name).read_bytes())
@@ -115,7 +115,7 @@ def is_complete(folder: Path) -> bool:
 
 
 def _meshes(source: Source, packages: Packages) -> Iterator[tuple[str, Path | None]]:
-    finder = MeshFiles(source.path.absolute().parent, packages)
+    finder = MeshFiles(source.path.absolute().parent, packages, bool(source.origin))
     for uri in sorted({mesh.get("filename", "") for mesh in source.root.iter("mesh")} - {""}):
         try:
             yield uri, finder.find(uri)

@@ -95,7 +95,7 @@ def convert(
     try:
         return _Pipeline(source, options, packages, decompositions, progress).run()
     except ModelError as error:
-        raise ModelError(f"{source.path}: {error}") from error
+        raise ModelError(f"{source.origin or source.path}: {error}") from error
 
 
 class _Pipeline:
@@ -115,7 +115,7 @@ class _Pipeline:
             self.report.add("warning", "file", source.path.name, warning)
         self.robot: Robot = read_robot(source.root, self.report)
         self.gazebo = read_gazebo(source.root, self.robot, self.report)
-        self.finder = MeshFiles(source.path.absolute().parent, packages)
+        self.finder = MeshFiles(source.path.absolute().parent, packages, bool(source.origin))
         self.control = read_control(source.root, self.robot, self.finder, options.strict, self.report)
         self.materials = Materials(self.report)
         self.inputs = read_inputs(source.root, options.mujoco_inputs)

@@ -18,6 +18,8 @@ from mjplug.model.packages import Packages
 
 if TYPE_CHECKING:
     from mjplug.convert.conversion import Conversion
+    from mjplug.convert.received import ReceivedModel
+    from mjplug.convert.source import Source
 
 DESCRIPTIONS = (".urdf", ".xacro")
 """Suffixes of robot descriptions."""
@@ -110,8 +112,6 @@ def converted_robot(
     if options.raw or not is_description(uri):
         return None
     # Imported here, because most models need no conversion.
-    from mjplug.convert.cache import cache_folder, cached  # noqa: PLC0415
-    from mjplug.convert.conversion import convert  # noqa: PLC0415
     from mjplug.convert.source import read_source  # noqa: PLC0415
 
     path = locate(uri, folders, environ)
@@ -121,13 +121,75 @@ def converted_robot(
     source = read_source(path, options.arguments, packages)
     if source.root.find("mujoco") is not None and path.suffix.lower() == ".urdf":
         return None
+    return _converted(source, options, packages, environ, progress, done)
+
+
+def load_received(
+    model: "ReceivedModel",
+    options: ConversionOptions,
+    environ: Mapping[str, str] = os.environ,
+    progress: Progress = lambda stage, part: None,
+    done: Done = lambda report: None,
+) -> LoadedModel:
+    """Converts and compiles a model from a topic.
+
+    Raises:
+        ModelError: It cannot be converted or compiled, or names files that it must not read.
+    """
+    from mjplug.convert.received import check_received  # noqa: PLC0415
+
+    if model.is_description:
+        return converted_received(model, options, environ, progress, done).load()
+    check_received(model, received_packages(options, environ))
+    return load_file(str(model.path), environ=environ)
+
+
+def converted_received(
+    model: "ReceivedModel",
+    options: ConversionOptions,
+    environ: Mapping[str, str] = os.environ,
+    progress: Progress = lambda stage, part: None,
+    done: Done = lambda report: None,
+) -> ConvertedRobot:
+    """Returns a converted robot from a topic, from the cache if possible.
+
+    Raises:
+        ModelError: It cannot be converted.
+    """
+    from mjplug.convert.received import read_received  # noqa: PLC0415
+
+    if options.raw:
+        raise ModelError(f"the URDF on {model.topic} is always converted; do not set the option raw")
+    packages = received_packages(options, environ)
+    return _converted(read_received(model, options.arguments, packages), options, packages, environ, progress, done)
+
+
+def received_packages(options: ConversionOptions, environ: Mapping[str, str]) -> Packages:
+    """Returns the packages that a robot from a topic can name; none is searched around a file.
+
+    Raises:
+        ModelError: A folder in the options does not exist.
+    """
+    return Packages(environ, None, _given(options))
+
+
+def _converted(
+    source: "Source",
+    options: ConversionOptions,
+    packages: Packages,
+    environ: Mapping[str, str],
+    progress: Progress,
+    done: Done,
+) -> ConvertedRobot:
+    from mjplug.convert.cache import cache_folder, cached  # noqa: PLC0415
+    from mjplug.convert.conversion import convert  # noqa: PLC0415
 
     def run() -> "Conversion":
         conversion = convert(source, options, packages, cache_folder(environ) / "parts", progress)
         done(conversion.report)
         return conversion
 
-    return ConvertedRobot(path, cached(source, options, packages, run, environ))
+    return ConvertedRobot(source.path, cached(source, options, packages, run, environ))
 
 
 def packages_for(path: Path, options: ConversionOptions, environ: Mapping[str, str]) -> Packages:
@@ -136,8 +198,12 @@ def packages_for(path: Path, options: ConversionOptions, environ: Mapping[str, s
     Raises:
         ModelError: A folder in the options does not exist.
     """
+    return Packages(environ, path.absolute().parent, _given(options))
+
+
+def _given(options: ConversionOptions) -> dict[str, Path]:
     given = {name: Path(os.path.expanduser(folder)) for name, folder in options.packages.items()}
     for name, folder in given.items():
         if not folder.is_dir():
             raise ModelError(f"the folder of package {name!r} is {str(folder)!r}, which does not exist")
-    return Packages(environ, path.absolute().parent, given)
+    return given

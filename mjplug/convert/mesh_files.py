@@ -3,6 +3,7 @@
 from pathlib import Path
 from urllib.parse import unquote
 
+from mjplug.convert.confined import check_file
 from mjplug.errors import ModelError
 from mjplug.model.location import PACKAGE, file_in_package
 from mjplug.model.packages import Packages
@@ -17,10 +18,11 @@ class MeshFiles:
     Args:
         folder: The folder of the URDF.
         packages: ROS packages.
+        confined: Whether only files in ROS packages are found.
     """
 
-    def __init__(self, folder: Path, packages: Packages) -> None:
-        self._folder, self._packages = folder, packages
+    def __init__(self, folder: Path, packages: Packages, confined: bool = False) -> None:
+        self._folder, self._packages, self._confined = folder, packages, confined
 
     def find(self, uri: str) -> Path:
         """Returns the file of a URI.
@@ -31,12 +33,17 @@ class MeshFiles:
         for scheme in (PACKAGE, _MODEL):
             if uri.startswith(scheme):
                 try:
-                    return file_in_package(PACKAGE + uri.removeprefix(scheme), self._packages)
+                    found = file_in_package(PACKAGE + uri.removeprefix(scheme), self._packages)
+                    return check_file(str(found.absolute()), self._packages) if self._confined else found
                 except ModelError as error:
+                    if self._confined:
+                        raise
                     beside = self._folder / Path(uri).name
                     if beside.is_file():
                         return beside
                     raise ModelError(str(error)) from None
+        if self._confined:
+            check_file(uri, self._packages)
         text = unquote(uri.removeprefix(_FILE)) if uri.startswith(_FILE) else uri
         file = Path(text) if Path(text).is_absolute() else self._folder / text
         if file.is_file():

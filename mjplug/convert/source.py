@@ -31,11 +31,13 @@ class Source:
         path: The file.
         root: Its `<robot>`.
         warnings: Warnings of xacro, and about the file.
+        origin: What it is, if it does not come from a file of the user; then it can only name files in ROS packages.
     """
 
     path: Path
     root: Element
     warnings: list[str] = field(default_factory=list)
+    origin: str = ""
 
 
 def read_source(path: Path, arguments: Mapping[str, str], packages: Packages) -> Source:

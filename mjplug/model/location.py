@@ -26,6 +26,10 @@ def locate(uri: str, folders: Sequence[Path] = (), environ: Mapping[str, str] = 
     Raises:
         ModelError: There is no such file; the message lists the searched folders.
     """
+    if uri.startswith("topic:"):
+        raise ModelError(
+            f"{uri}: only `mjplug serve`, `mjplug convert` and `open_server` wait for a model from a topic"
+        )
     if uri.startswith(BUNDLED):
         return _bundled(uri.removeprefix(BUNDLED))
     if uri.startswith(PACKAGE):

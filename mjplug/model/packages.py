@@ -75,6 +75,11 @@ class Packages:
                 return name, file.relative_to(folder).as_posix()
         return None
 
+    def contain(self, file: Path) -> bool:
+        """Returns whether an absolute path without `..` is in a package, or in a given folder."""
+        given = [Path(os.path.normpath(folder.absolute())) for folder in self._given.values()]
+        return any(folder in (file, *file.parents) for folder in given) or self.of(file / "_") is not None
+
     def searched(self) -> str:
         """Returns a description of the searched places, for error messages."""
         around = "" if self._around is None else ", nor in a folder around the URDF"

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from mjplug.config.load import Draft, Setting
+from mjplug.config.load import Draft, Setting, read
 from mjplug.config.problem import ConfigError, Mark, Problem, Source
 from mjplug.plugin.plugin import Plugin
 from mjplug.plugin.selection import Classes
@@ -60,11 +60,10 @@ def draft_of(
     ]
     path: str | Path | Mapping[str, Any] = config if isinstance(config, str | Mapping) else Path(config)
     uri = None if model is None else os.fspath(model)
-    draft = read_draft(path, model=uri, sets=given, environ=environ)
-    listening = Setting("default", "zenoh.listen", [ANY_PORT])
-    if all(draft.origin(("zenoh", part)) is None for part in _NETWORK):
-        draft = read_draft(path, model=uri, sets=[*given, listening], environ=environ)
-    return draft, classes
+    plain = read(path, model=uri, sets=given, environ=environ)
+    if all(plain.origin(("zenoh", part)) is None for part in _NETWORK):
+        given.append(Setting("default", "zenoh.listen", [ANY_PORT]))
+    return read_draft(path, model=uri, sets=given, environ=environ), classes
 
 
 def _plugin_settings(

@@ -7,8 +7,9 @@ from pathlib import Path
 from time import monotonic
 
 from mjplug.config.load import Draft, Option, Setting, read
-from mjplug.convert.load import ConvertedRobot, Progress, converted_robot, is_description
+from mjplug.convert.load import ConvertedRobot, Progress, converted_received, converted_robot, is_description
 from mjplug.convert.report import Report
+from mjplug.server.topic_model import is_topic, wait_for
 
 _FIRST_LINE, _PERIOD = 2.0, 5.0
 """Times after which the log contains the first line about a conversion, and each further one [s]."""
@@ -29,19 +30,40 @@ def read_draft(
     """Reads a configuration as `mjplug.config.load.read` does.
 
     If it is a URDF or xacro file instead of a configuration, the robot is converted, and the plugins for its joints,
-    frames and sensors are added. Arguments and `--set` can change their parameters.
+    frames and sensors are added. Arguments and `--set` can change their parameters. The same applies to the URDF on a
+    topic, `topic:/robot_description`, for which this function waits.
 
     Raises:
         ConfigError: The configuration cannot be read.
-        ModelError: The robot cannot be converted.
+        ModelError: The robot cannot be converted, or did not arrive in time.
+        WireError: The Zenoh session for a topic cannot be opened.
     """
     draft = read(path, model=model, sets=sets, environ=environ)
+    if isinstance(path, str) and is_topic(path):
+        return _read_topic(path, draft, sets, environ)
     if isinstance(path, Mapping) or not is_description(path):
         return draft
     robot = converted(draft, str(path), environ)
     if robot is None:
         return draft
     return read(path, sets=sets, environ=environ, defaults={"plugins": robot.plugins()})
+
+
+def _read_topic(uri: str, draft: Draft, sets: Sequence[str | Option | Setting], environ: Mapping[str, str]) -> Draft:
+    wait = wait_for(draft.finish())
+    received = wait.receive(environ)
+    if received.is_description:
+        progress = log_conversion(received.topic)
+        robot = converted_received(received, draft.model_options, environ, progress, log_report)
+        plugins = robot.plugins()
+        namespace = draft.finish().settings.namespace
+        if f"{namespace}/robot_description" == received.topic:
+            # Otherwise two latched publishers would offer two descriptions to late subscribers.
+            _log.info("%s is not published by this server too", received.topic)
+            del plugins["robot_description"]
+        draft = read(uri, sets=sets, environ=environ, defaults={"plugins": plugins})
+    draft.received = received
+    return draft
 
 
 def converted(draft: Draft, uri: str, environ: Mapping[str, str] = os.environ) -> ConvertedRobot | None:

@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from mjplug.config.draft import Draft, Loaded
 from mjplug.config.problem import ConfigError
-from mjplug.convert.load import load_model
+from mjplug.convert.load import load_model, load_received
 from mjplug.errors import ModelError, UnknownName
 from mjplug.model import engine_plugins
 from mjplug.model.file import LoadedModel
@@ -22,6 +22,7 @@ from mjplug.server.drafts import log_conversion, log_report
 from mjplug.server.offline import OfflineTransport, OfflineWorkerPool
 from mjplug.server.server import Server
 from mjplug.server.starting_pose import take_starting_pose
+from mjplug.server.topic_model import is_topic, wait_for
 
 PROGRESS_AFTER = 2.0
 """Time after which the log reports that the model is still being compiled [s]."""
@@ -83,14 +84,21 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
             _log.warning("%s", warning, extra={"printable": True})
         changes.enter_context(process.mujoco_configured())
         _load_engine_plugins(loaded)
+        received = draft.received
+        if received is None and is_topic(settings.model):
+            received = wait_for(loaded).receive()
         with _progress(f"compiling {settings.model}"):
-            model = load_model(
-                settings.model,
-                *loaded.folders(("model",)),
-                options=draft.model_options,
-                progress=log_conversion(settings.model),
-                done=log_report,
-            )
+            progress = log_conversion(settings.model)
+            if received is not None:
+                model = load_received(received, draft.model_options, progress=progress, done=log_report)
+            else:
+                model = load_model(
+                    settings.model,
+                    *loaded.folders(("model",)),
+                    options=draft.model_options,
+                    progress=progress,
+                    done=log_report,
+                )
         keyframe = settings.sim.keyframe
         if not (keyframe or settings.sim.start_position_file):
             keyframe = model.keyframe

@@ -105,7 +105,7 @@ class WireSession:
             raise errors[0]
 
 
-def open_session(settings: SessionSettings, name: str) -> WireSession:
+def open_session(settings: SessionSettings, name: str, timeout: float | None = None) -> WireSession:
     """Opens the session of a server.
 
     With the mode `auto`:
@@ -117,6 +117,7 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
     Args:
         settings: The session's settings.
         name: The server's full name, such as `/robot1/mjplug`.
+        timeout: How long to wait for a router that does not answer [s]; None for no limit.
 
     Raises:
         WireError: It cannot listen on or connect to an endpoint, or another server of this name is on the network. The
@@ -126,7 +127,7 @@ def open_session(settings: SessionSettings, name: str) -> WireSession:
     if plan.mode != "auto":
         return _open(plan, plan.mode, plan.listen_endpoints(plan.mode), plan.connect)
     if plan.connect and not plan.listen_is_set:
-        return _wait_for_router(plan)
+        return _wait_for_router(plan, timeout)
     listen = plan.listen_endpoints("router")
     try:
         return _open(plan, "router", listen, plan.connect)
@@ -198,13 +199,16 @@ def _open(
     return WireSession(session, role, listening, connect, watch)
 
 
-def _wait_for_router(plan: Plan) -> WireSession:
+def _wait_for_router(plan: Plan, timeout: float | None) -> WireSession:
     """Opens a client session to the router at `plan.connect`; retries until the router answers."""
     reported = False
+    end = None if timeout is None else time.monotonic() + timeout
     while True:
         try:
             return _open(plan, "client", (), plan.connect)
         except UnreachableError as error:
+            if end is not None and time.monotonic() >= end:
+                raise WireError(f"{error}; waited {timeout:g} s for it") from error
             if not reported:
                 _log.warning("%s; waiting for it", error)
                 reported = True
