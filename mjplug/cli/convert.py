@@ -9,6 +9,7 @@ import typer
 from mjplug.cli.engine import import_mujoco, quick_imports
 from mjplug.cli.interrupt import exit_on_interrupt
 from mjplug.cli.output import complain, say, say_json
+from mjplug.cli.received import is_topic, receive_description
 from mjplug.cli.xacro_arguments import xacro_arguments
 
 if TYPE_CHECKING:
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
 
 
 def convert(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A URDF or xacro file.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A URDF or xacro file, or a topic: topic:/robot_description.")
+    ],
     arguments: Annotated[
         list[str] | None,
         typer.Argument(metavar="[NAME:=VALUE]...", help="Arguments of a xacro file.", show_default=False),
@@ -64,6 +67,19 @@ def convert(
     package: Annotated[
         list[str] | None, typer.Option(metavar="NAME=FOLDER", help="Folder of a ROS package. Repeatable.")
     ] = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            "--connect",
+            "-e",
+            metavar="ENDPOINT",
+            envvar="MJPLUG_CONNECT",
+            help="Zenoh endpoint of a router or server, for a topic.  [default: tcp/127.0.0.1:7447]",
+        ),
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0.1, metavar="SECONDS", help="How long to wait for the message on a topic.")
+    ] = 120.0,
     strict: Annotated[bool, typer.Option("--strict", help="Stop at a missing mesh.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the result of an earlier conversion.")] = False,
     check: Annotated[bool, typer.Option("--check", help="Report only; write nothing.")] = False,
@@ -80,8 +96,9 @@ def convert(
         from mjplug.convert.cache import cache_folder
         from mjplug.convert.conversion import convert as run
         from mjplug.convert.folder import check_replaceable, write_folder
-        from mjplug.convert.load import packages_for
+        from mjplug.convert.load import packages_for, received_packages
         from mjplug.convert.options import ConversionOptions
+        from mjplug.convert.received import read_received
         from mjplug.convert.source import read_source
         from mjplug.physics import process
 
@@ -111,8 +128,13 @@ def convert(
         raise typer.BadParameter(f"{first['input']!r}: {reason}", param_hint=f"--{name}") from None
     process.configure_mujoco()
     with exit_on_interrupt():
-        packages = packages_for(file, options, _environment())
-        source = read_source(file, options.arguments, packages)
+        if is_topic(str(file)):
+            packages = received_packages(options, _environment())
+            received = receive_description(str(file), connect, timeout)
+            source = read_received(received, options.arguments, packages)
+        else:
+            packages = packages_for(file, options, _environment())
+            source = read_source(file, options.arguments, packages)
         folder = output or Path(source.root.get("name") or file.name.partition(".")[0])
         if folder.exists() and not check:
             check_replaceable(folder, force)

@@ -29,7 +29,7 @@ def serve(
         typer.Argument(
             metavar="CONFIG|MODEL",
             help="A configuration file, a ROS parameter file (with --model), or a model: "
-            ".xml .mjb .urdf .xacro bundled:NAME package://...",
+            ".xml .mjb .urdf .xacro bundled:NAME package://... topic:/robot_description",
             autocompletion=complete_model,
         ),
     ],

@@ -3,6 +3,8 @@
 import json
 import logging
 import struct
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 
@@ -249,3 +251,36 @@ def test_a_name_that_is_no_topic_is_refused():
         open_server("topic:/robot description", run=False)
     with pytest.raises(ConfigError, match="model_timeout"):
         open_server("topic:/a", settings={"model_timeout": 0.0}, run=False)
+
+
+def convert(*arguments):
+    command = [sys.executable, "-m", "mjplug", "convert", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_convert_writes_the_robot_on_a_topic_into_a_folder(closing, network, tmp_path):
+    endpoint, client = network
+    publisher = latched(closing, client, ROS_KEY, String(data=PLAIN).to_cdr(), attachment())
+    done = convert("topic:/robot_description", "-o", str(tmp_path / "out"), "--connect", endpoint)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("pendulum: 2 links, 1 moving joint, 1 position servo, fixed base")
+    assert "waiting for a message on /robot_description" in done.stderr
+    assert (tmp_path / "out" / "mjplug.yaml").is_file()
+    publisher.put(String(data=MJCF).to_cdr(), attachment=attachment())
+    done = convert("topic:/robot_description", "-o", str(tmp_path / "two"), "--connect", endpoint)
+    assert done.returncode != 0
+    assert "is MJCF, which needs no conversion; run it: mjplug serve topic:/robot_description" in done.stderr
+
+
+def test_convert_needs_the_full_name_of_a_topic_and_a_router():
+    done = convert("topic:robot_description")
+    assert "a full name must start with '/'" in done.stderr
+    done = convert("topic:/robot_description", "--connect", with_free_port("tcp/127.0.0.1:0"), "--timeout", "5")
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+
+
+def test_commands_that_do_not_wait_say_so():
+    command = [sys.executable, "-m", "mjplug", "model", "info", "topic:/robot_description"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert "only `mjplug serve`, `mjplug convert` and `open_server` wait for a model from a topic" in done.stderr
