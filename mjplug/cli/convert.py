@@ -224,7 +224,7 @@ def _counted(count: int, what: str) -> str:
 def _as_json(conversion: "Conversion", folder: Path | None) -> dict[str, object]:
     from json import loads
 
-    from mjplug.convert.record import RECORD
+    from mjplug.convert.report import RECORD
 
     record = loads(conversion.files[RECORD])
     return {"folder": None if folder is None else str(folder), **record}

@@ -17,7 +17,8 @@ from mjplug.convert.conversion import Conversion
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.options import ConversionOptions
 from mjplug.convert.pid_gains import gains_files
-from mjplug.convert.record import FORMAT, RECORD
+from mjplug.convert.record import FORMAT
+from mjplug.convert.report import RECORD
 from mjplug.convert.source import Source
 from mjplug.errors import ModelError
 from mjplug.model.packages import Packages

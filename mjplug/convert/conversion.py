@@ -27,8 +27,8 @@ from mjplug.convert.options import ConversionOptions
 from mjplug.convert.pid_gains import used_gains
 from mjplug.convert.placement import placement
 from mjplug.convert.read_urdf import read_robot
-from mjplug.convert.record import RECORD, counts_of, digest, record_of
-from mjplug.convert.report import Report, to_json
+from mjplug.convert.record import counts_of, digest, record_of
+from mjplug.convert.report import RECORD, Report, to_json
 from mjplug.convert.robot import Joint, Robot
 from mjplug.convert.rotations import numbers
 from mjplug.convert.scene import HOME, ROBOT_FILE, SCENE_FILE, build_scene, write_home

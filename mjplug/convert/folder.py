@@ -7,7 +7,8 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from mjplug.convert.record import RECORD, digest
+from mjplug.convert.record import digest
+from mjplug.convert.report import RECORD
 from mjplug.errors import ModelError
 
 

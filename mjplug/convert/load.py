@@ -1,5 +1,6 @@
 """Loads a model; a URDF or xacro file is converted first, unless the cache contains the result."""
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from mjplug.convert.options import ConversionOptions
-from mjplug.convert.report import Report
+from mjplug.convert.report import RECORD, Report, report_of
 from mjplug.errors import ModelError
 from mjplug.model.file import LoadedModel
 from mjplug.model.file import load_model as load_file
@@ -25,7 +26,6 @@ DESCRIPTIONS = (".urdf", ".xacro")
 """Suffixes of robot descriptions."""
 
 Progress = Callable[[str, float], None]
-Done = Callable[[Report], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,11 @@ class ConvertedRobot:
         """Compiles the scene."""
         loaded = load_file(str(self.folder / "scene.xml"))
         return replace(loaded, path=self.source, description=self.folder / "robot.urdf", keyframe="home")
+
+    def report(self) -> Report:
+        """Returns the report of the conversion, also of an earlier one."""
+        record = json.loads((self.folder / RECORD).read_text(encoding="utf-8"))
+        return report_of(record["notes"])
 
     def plugins(self) -> dict[str, Any]:
         """Returns the plugin instances that fit the robot, as in a configuration file."""
@@ -65,7 +70,7 @@ def load_model(
     options: ConversionOptions | None = None,
     environ: Mapping[str, str] = os.environ,
     progress: Progress = lambda stage, part: None,
-    done: Done = lambda report: None,
+    done: "Callable[[ConvertedRobot], None]" = lambda robot: None,
 ) -> LoadedModel:
     """Finds, converts and compiles a model.
 
@@ -75,13 +80,14 @@ def load_model(
         options: Options for a URDF or xacro file; `scene` also for MJCF files.
         environ: Environment variables for the search of ROS packages, and for the place of the cache.
         progress: Is called while a robot is converted.
-        done: Gets the report after a conversion.
+        done: Gets the robot if it was converted now or earlier.
 
     Raises:
         ModelError: The model does not exist, or cannot be converted or compiled.
     """
-    robot = converted_robot(uri, *folders, options=options, environ=environ, progress=progress, done=done)
+    robot = converted_robot(uri, *folders, options=options, environ=environ, progress=progress)
     if robot is not None:
+        done(robot)
         return robot.load()
     if options is None or options.raw or not options.scene or is_description(uri):
         return load_file(uri, *folders, environ=environ)
@@ -99,7 +105,6 @@ def converted_robot(
     options: ConversionOptions | None = None,
     environ: Mapping[str, str] = os.environ,
     progress: Progress = lambda stage, part: None,
-    done: Done = lambda report: None,
 ) -> ConvertedRobot | None:
     """Returns the converted robot, from the cache if possible; None if MuJoCo reads the file itself.
 
@@ -121,7 +126,7 @@ def converted_robot(
     source = read_source(path, options.arguments, packages)
     if source.root.find("mujoco") is not None and path.suffix.lower() == ".urdf":
         return None
-    return _converted(source, options, packages, environ, progress, done)
+    return _converted(source, options, packages, environ, progress)
 
 
 def load_received(
@@ -129,7 +134,7 @@ def load_received(
     options: ConversionOptions,
     environ: Mapping[str, str] = os.environ,
     progress: Progress = lambda stage, part: None,
-    done: Done = lambda report: None,
+    done: "Callable[[ConvertedRobot], None]" = lambda robot: None,
 ) -> LoadedModel:
     """Converts and compiles a model from a topic.
 
@@ -139,7 +144,9 @@ def load_received(
     from mjplug.convert.received import check_received  # noqa: PLC0415
 
     if model.is_description:
-        return converted_received(model, options, environ, progress, done).load()
+        robot = converted_received(model, options, environ, progress)
+        done(robot)
+        return robot.load()
     check_received(model, received_packages(options, environ))
     return load_file(str(model.path), environ=environ)
 
@@ -149,7 +156,6 @@ def converted_received(
     options: ConversionOptions,
     environ: Mapping[str, str] = os.environ,
     progress: Progress = lambda stage, part: None,
-    done: Done = lambda report: None,
 ) -> ConvertedRobot:
     """Returns a converted robot from a topic, from the cache if possible.
 
@@ -161,7 +167,7 @@ def converted_received(
     if options.raw:
         raise ModelError(f"the URDF on {model.topic} is always converted; do not set the option raw")
     packages = received_packages(options, environ)
-    return _converted(read_received(model, options.arguments, packages), options, packages, environ, progress, done)
+    return _converted(read_received(model, options.arguments, packages), options, packages, environ, progress)
 
 
 def received_packages(options: ConversionOptions, environ: Mapping[str, str]) -> Packages:
@@ -179,15 +185,12 @@ def _converted(
     packages: Packages,
     environ: Mapping[str, str],
     progress: Progress,
-    done: Done,
 ) -> ConvertedRobot:
     from mjplug.convert.cache import cache_folder, cached  # noqa: PLC0415
     from mjplug.convert.conversion import convert  # noqa: PLC0415
 
     def run() -> "Conversion":
-        conversion = convert(source, options, packages, cache_folder(environ) / "parts", progress)
-        done(conversion.report)
-        return conversion
+        return convert(source, options, packages, cache_folder(environ) / "parts", progress)
 
     return ConvertedRobot(source.path, cached(source, options, packages, run, environ))
 

@@ -41,7 +41,7 @@ class MeshFiles:
                     beside = self._folder / Path(uri).name
                     if beside.is_file():
                         return beside
-                    raise ModelError(str(error)) from None
+                    raise ModelError(self._reason(uri, str(error))) from None
         if self._confined:
             check_file(uri, self._packages)
         text = unquote(uri.removeprefix(_FILE)) if uri.startswith(_FILE) else uri
@@ -49,6 +49,11 @@ class MeshFiles:
         if file.is_file():
             return file
         raise ModelError(f"there is no file {file}")
+
+    def _reason(self, uri: str, reason: str) -> str:
+        name = uri.partition("://")[2].lstrip("/").partition("/")[0]
+        folders = ", ".join(map(str, dict.fromkeys(self._packages.folders(name))))
+        return f"{uri}: there is no such file in {folders}" if folders else reason
 
     def portable(self, uri: str) -> str | None:
         """Returns the URI as `package://` if it contains an absolute path; None if the file is in no package."""

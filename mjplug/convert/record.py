@@ -9,8 +9,6 @@ from mjplug.convert.actuators import Drive
 from mjplug.convert.report import Report
 from mjplug.convert.robot import Robot
 
-RECORD = "conversion.json"
-
 FORMAT = 1
 """Version of the layout of the record."""
 

@@ -1,9 +1,12 @@
 """What a conversion guessed, repaired and lost."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal
+
+RECORD = "conversion.json"
+"""Name of the file with the record of a conversion."""
 
 Kind = Literal["guess", "repair", "loss", "warning", "error"]
 
@@ -15,6 +18,9 @@ TITLES: dict[Kind, str] = {
     "guess": "guessed, because the URDF does not contain it",
 }
 _SHOWN = 4
+
+_WIDTH = 100
+"""Length from which the subjects of a topic are on lines of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,30 +59,67 @@ class Report:
     def lines(self, kinds: Iterable[Kind] = ("error", "warning", "loss", "repair")) -> Iterator[str]:
         """Yields the notes as text, grouped by kind and topic."""
         for kind in kinds:
-            topics: dict[str, list[Note]] = {}
-            for note in self.of(kind):
-                topics.setdefault(note.topic, []).append(note)
+            topics = self._topics(kind)
             if topics:
                 yield f"{TITLES[kind]}:"
             for topic, notes in topics.items():
-                yield f"  {topic}{_subjects(notes)}"
+                yield from _with_subjects(f"  {topic}", notes)
+
+    def summary(self, *kinds: Kind) -> Iterator[str]:
+        """Yields one line for each topic, with the subjects; with details only for a single note."""
+        for kind in kinds:
+            for topic, notes in self._topics(kind).items():
+                texts = [note.subject for note in notes if note.subject] if len(notes) > 1 else _texts(notes)
+                yield f"{topic}{_joined(texts)}"
+
+    def _topics(self, kind: Kind) -> dict[str, list[Note]]:
+        topics: dict[str, list[Note]] = {}
+        for note in self.of(kind):
+            topics.setdefault(note.topic, []).append(note)
+        return topics
 
     def as_json(self) -> list[dict[str, str]]:
         """Returns the notes for `conversion.json`."""
         return [{key: value for key, value in asdict(note).items() if value} for note in self.notes]
 
 
-def _subjects(notes: list[Note]) -> str:
-    shown = [
+def report_of(notes: Iterable[Mapping[str, Any]]) -> Report:
+    """Returns the report of a conversion from the notes in its `conversion.json`."""
+    report = Report()
+    for note in notes:
+        report.add(note["kind"], note["topic"], note.get("subject", ""), note.get("detail", ""))
+    return report
+
+
+def _texts(notes: list[Note]) -> list[str]:
+    texts = [
         f"{note.subject} ({note.detail})" if note.subject and note.detail else note.subject or note.detail
         for note in notes
     ]
-    shown = [text for text in shown if text]
-    if not shown:
+    return [text for text in texts if text]
+
+
+def _joined(texts: list[str]) -> str:
+    if not texts:
         return ""
-    more = f", and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
-    count = f" ({len(shown)})" if len(shown) > 1 else ""
-    return f"{count}: {', '.join(shown[:_SHOWN])}{more}"
+    count = f" ({len(texts)})" if len(texts) > 1 else ""
+    return f"{count}: {', '.join(texts[:_SHOWN])}{_rest(texts)}"
+
+
+def _rest(texts: list[str]) -> str:
+    return f", and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else ""
+
+
+def _with_subjects(topic: str, notes: list[Note]) -> Iterator[str]:
+    texts = _texts(notes)
+    line = f"{topic}{_joined(texts)}"
+    if len(line) <= _WIDTH or len(texts) < 2:
+        yield line
+        return
+    yield f"{topic} ({len(texts)}):"
+    yield from (f"    {text}" for text in texts[:_SHOWN])
+    if len(texts) > _SHOWN:
+        yield f"    and {len(texts) - _SHOWN} more"
 
 
 def to_json(value: object) -> str:

@@ -131,6 +131,10 @@ def _reason(error: Exception, text: bytes) -> str:
         inner = inner.exc  # type: ignore[attr-defined]
     if isinstance(inner, ModelError):
         return str(inner)
+    if isinstance(inner, OSError) and inner.filename:
+        names = ", ".join(_declared(text))
+        listing = f" (arguments of this file: {names})" if names else ""
+        return f"xacro: there is no file {inner.filename}{listing}"
     if type(inner).__name__ == "ArgException" or "Undefined substitution argument" in str(error):
         name = str(inner.args[0]).rpartition(" ")[2] if inner.args else "?"
         declared = _declared(text)

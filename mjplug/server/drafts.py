@@ -8,7 +8,7 @@ from time import monotonic
 
 from mjplug.config.load import Draft, Option, Setting, read
 from mjplug.convert.load import ConvertedRobot, Progress, converted_received, converted_robot, is_description
-from mjplug.convert.report import Report
+from mjplug.convert.report import RECORD
 from mjplug.server.topic_model import is_topic, wait_for
 
 _FIRST_LINE, _PERIOD = 2.0, 5.0
@@ -54,7 +54,7 @@ def _read_topic(uri: str, draft: Draft, sets: Sequence[str | Option | Setting], 
     received = wait.receive(environ)
     if received.is_description:
         progress = log_conversion(received.topic)
-        robot = converted_received(received, draft.model_options, environ, progress, log_report)
+        robot = converted_received(received, draft.model_options, environ, progress)
         plugins = robot.plugins()
         namespace = draft.finish().settings.namespace
         if f"{namespace}/robot_description" == received.topic:
@@ -74,7 +74,6 @@ def converted(draft: Draft, uri: str, environ: Mapping[str, str] = os.environ) -
         options=draft.model_options,
         environ=environ,
         progress=log_conversion(uri),
-        done=log_report,
     )
 
 
@@ -83,13 +82,16 @@ def log_conversion(name: str) -> Progress:
     return _LoggedProgress(name)
 
 
-def log_report(report: Report) -> None:
-    """Logs what a conversion has lost and repaired."""
-    for line in report.lines(("error", "warning", "loss", "repair")):
+def log_report(robot: ConvertedRobot) -> None:
+    """Logs what the conversion of a robot has lost and repaired."""
+    report = robot.report()
+    for line in report.summary("error", "warning", "loss"):
         _log.warning("%s", line)
+    for line in report.summary("repair"):
+        _log.info("repaired: %s", line)
     guesses = len(report.of("guess"))
     if guesses:
-        _log.info("the conversion guessed %d values; `mjplug convert` writes them to conversion.json", guesses)
+        _log.info("%d values were guessed; %s lists them", guesses, robot.folder / RECORD)
 
 
 class _LoggedProgress:
@@ -105,6 +107,7 @@ class _LoggedProgress:
     def __call__(self, stage: str, part: float) -> None:
         elapsed = monotonic() - self._start
         if elapsed >= self._next and part < 1.0:
-            left = f", about {elapsed / part - elapsed:.0f} s left" if part > _MEANINGFUL else ""
+            remaining = elapsed / part - elapsed if part > _MEANINGFUL else 0.0
+            left = f", about {remaining:.0f} s left" if remaining >= 1.0 else ""
             _log.info("converting %s: %s%s", self._name, stage, left)
             self._next = elapsed + _PERIOD

@@ -1,6 +1,7 @@
 """`mjplug convert` and `mjplug serve` with a URDF or xacro file."""
 
 import json
+from pathlib import Path
 
 import pytest
 from convert.robots import ARM, BOX, joint, link, robot
@@ -110,3 +111,32 @@ def test_what_is_missing_in_a_robot_is_reported(cli, tmp_path):
     assert "a ('package://nowhere/part.stl': there is no package 'nowhere'" in done.stderr
     assert cli("convert", "r.urdf", "--strict", "-o", "strict").returncode == 4
     assert not (tmp_path / "strict").exists()
+
+
+def test_each_start_of_a_server_reports_what_is_missing(cli, tmp_path):
+    mesh = '<mesh filename="package://nowhere/part.stl"/>'
+    zero = '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    (tmp_path / "r.urdf").write_text(
+        robot(link("base", shape=BOX), link("a", shape=mesh, inertia=zero), joint("j", "base", "a"))
+    )
+    for _ in range(2):
+        done = cli("serve", "r.urdf", "--check")
+        assert done.returncode == 0
+        (missing,) = [line for line in done.stderr.splitlines() if "collision mesh left out" in line]
+        assert "warning: collision mesh left out, so the link passes through things: a ('package://nowhere" in missing
+        assert done.stderr.count("repaired: impossible inertia: a (principal") == 1
+        record = done.stderr.split("values were guessed; ")[1].split(" lists them")[0]
+        assert json.loads(Path(record).read_text())["robot"] == "test"
+
+
+def test_a_report_with_many_long_lines_gives_each_subject_its_own(cli, tmp_path):
+    parts = [link("base", shape=BOX)]
+    for i in range(6):
+        parts += [link(f"a{i}", visual=f'<mesh filename="package://some_description/meshes/visual/part_{i}.dae"/>')]
+        parts += [joint(f"j{i}", "base", f"a{i}")]
+    (tmp_path / "r.urdf").write_text(robot(*parts))
+    lines = cli("convert", "r.urdf", "--check", "--package", f"some_description={tmp_path}").stderr.splitlines()
+    assert lines[:2] == ["warnings:", "  visual mesh left out (6):"]
+    uri = "package://some_description/meshes/visual/part_0.dae"
+    assert lines[2] == f"    a0 ({uri}: there is no such file in {tmp_path})"
+    assert lines[6] == "    and 2 more"

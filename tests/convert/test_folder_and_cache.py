@@ -83,10 +83,11 @@ def test_the_cache_keeps_a_robot_until_something_changes(tmp_path):
     runs = []
 
     def folder_of(**options):
-        robot = converted_robot(
-            str(tmp_path / "arm.urdf"), options=ConversionOptions(**options), environ=environ, done=runs.append
-        )
-        return robot.folder
+        def progress(stage, part):
+            runs.extend([stage] * (stage == "done"))
+
+        chosen = ConversionOptions(**options)
+        return converted_robot(str(tmp_path / "arm.urdf"), options=chosen, environ=environ, progress=progress).folder
 
     first = folder_of()
     assert first == folder_of()

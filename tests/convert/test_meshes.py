@@ -336,7 +336,7 @@ def test_meshes_are_found_by_the_name_in_package_xml(tmp_path):
         found = MeshFiles(other, Packages({}, other)).find(uri)
         assert found == clone / "meshes" / "part.stl"
     given = Packages({}, other, {"arm_description": tmp_path})
-    with pytest.raises(ModelError, match=r"contains no file 'meshes/part\.stl'"):
+    with pytest.raises(ModelError, match=r"part\.stl: there is no such file in"):
         MeshFiles(other, given).find("package://arm_description/meshes/part.stl")
 
 
