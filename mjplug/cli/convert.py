@@ -97,6 +97,7 @@ def convert(
         from mjplug.convert.conversion import convert as run
         from mjplug.convert.folder import check_replaceable, write_folder
         from mjplug.convert.load import packages_for, received_packages
+        from mjplug.convert.materials import free_name
         from mjplug.convert.options import ConversionOptions
         from mjplug.convert.received import read_received
         from mjplug.convert.source import read_source
@@ -135,7 +136,8 @@ def convert(
         else:
             packages = packages_for(file, options, _environment())
             source = read_source(file, options.arguments, packages)
-        folder = output or Path(source.root.get("name") or file.name.partition(".")[0])
+        # A name can contain slashes, which must not lead to other folders.
+        folder = output or Path(free_name((source.root.get("name") or file.name.partition(".")[0]).lstrip("./"), set()))
         if folder.exists() and not check:
             check_replaceable(folder, force)
         progress = _Progress()

@@ -5,7 +5,6 @@ import hashlib
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -13,6 +12,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
+from mjplug.convert.beside import written_beside
 from mjplug.convert.conversion import Conversion
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.options import ConversionOptions
@@ -84,13 +84,7 @@ def cached(
         return folder
     conversion = convert()
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-        try:
-            for name, content in conversion.files.items():
-                path = beside / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(content)
+        with written_beside(folder, conversion.files) as beside:
             if folder.exists() and not is_complete(folder):
                 shutil.rmtree(folder, ignore_errors=True)
             try:
@@ -99,8 +93,6 @@ def cached(
                 # Another process was faster.
                 if not is_complete(folder):
                     raise
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
     except OSError as error:
         raise ModelError(f"the cache {folder.parent} cannot be written: {error.strerror or error}") from error
     return folder

@@ -93,7 +93,9 @@ def convert(
         ModelError: The robot cannot be converted.
     """
     try:
-        return _Pipeline(source, options, packages, decompositions, progress).run()
+        # Huge numbers in a URDF overflow; MuJoCo and the check at the end refuse the result.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return _Pipeline(source, options, packages, decompositions, progress).run()
     except ModelError as error:
         raise ModelError(f"{source.origin or source.path}: {error}") from error
 

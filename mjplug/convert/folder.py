@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from mjplug.convert.beside import exchange, written_beside
 from mjplug.convert.record import digest
 from mjplug.convert.report import RECORD
 from mjplug.errors import ModelError
@@ -29,19 +30,10 @@ def write_folder(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
     """
     if folder.exists():
         check_replaceable(folder, force)
-    parent = folder.absolute().parent
     try:
-        parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=parent))
-        try:
-            for name, content in files.items():
-                path = beside / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(content)
+        with written_beside(folder, files) as beside:
             beside.chmod(0o777 & ~_umask())
             _swap(beside, folder)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
     except OSError as error:
         raise ModelError(f"{folder} cannot be written: {error.strerror or error}") from error
 
@@ -84,6 +76,9 @@ def _swap(new: Path, folder: Path) -> None:
     """Moves a folder to a place where another one may be, which is then removed."""
     if not folder.exists():
         os.rename(new, folder)
+        return
+    if exchange(new, folder):
+        # The old folder is now in the place of the new one, where it is removed.
         return
     old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.absolute().parent))
     os.rename(folder, old / "folder")

@@ -6,12 +6,15 @@ from mjplug.convert.report import Report
 from mjplug.convert.robot import SCALAR, Robot
 from mjplug.errors import ModelError, did_you_mean
 
+MAX_DEPTH = 300
+"""Largest number of links between the root and a link; the elements of an MJCF are nested as deeply."""
+
 
 def check_tree(robot: Robot) -> None:
-    """Checks that each link has one parent, and that all hang on one root.
+    """Checks that each link has one parent, that all hang on one root, and that no chain of links is too long.
 
     Raises:
-        ModelError: A link has several parents, there are several roots, or joints form a loop.
+        ModelError: A link has several parents, there are several roots, joints form a loop, or a chain is too long.
     """
     above: dict[str, str] = {}
     for joint in robot.joints.values():
@@ -28,6 +31,11 @@ def check_tree(robot: Robot) -> None:
     left = [name for name in robot.links if name not in reached]
     if left:
         raise ModelError(f"the joints of these links form a loop: {_listed(left)}; the links of a URDF are a tree")
+    depth = {roots[0]: 0}
+    for joint in robot.walk(roots[0]):
+        depth[joint.child] = depth[joint.parent] + 1
+        if depth[joint.child] > MAX_DEPTH:
+            raise ModelError(f"link {joint.child!r} is below more than {MAX_DEPTH} others, which is not supported")
 
 
 def check_mimics(robot: Robot, report: Report) -> None:

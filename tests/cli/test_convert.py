@@ -113,6 +113,27 @@ def test_what_is_missing_in_a_robot_is_reported(cli, tmp_path):
     assert not (tmp_path / "strict").exists()
 
 
+def test_the_name_of_a_robot_leads_to_no_other_folder(cli, here):
+    for name in ("../../escaped", "..", "/tmp/escaped"):
+        (here / "named.urdf").write_text(ARM.replace('name="arm"', f'name="{name}"', 1))
+        done = cli("convert", "named.urdf", "--force")
+        assert done.returncode == 0
+        folder = done.stdout.splitlines()[-1].partition("wrote ")[2].partition(";")[0]
+        assert (here / folder / "robot.xml").resolve().is_relative_to(here)
+        assert folder == Path(folder).name
+
+
+def test_two_servers_convert_the_same_file_at_once(serve, here):
+    from concurrent.futures import ThreadPoolExecutor
+
+    environ = {"XDG_CACHE_HOME": str(here / "cache")}
+    with ThreadPoolExecutor(2) as threads:
+        servers = list(threads.map(lambda _: serve("arm.urdf", "--paused", env=environ, cwd=here), range(2)))
+    assert all("model arm (" in server.ready for server in servers)
+    (folder,) = (here / "cache" / "mjplug" / "models").iterdir()
+    assert (folder / "conversion.json").is_file()
+
+
 def test_each_start_of_a_server_reports_what_is_missing(cli, tmp_path):
     mesh = '<mesh filename="package://nowhere/part.stl"/>'
     zero = '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'

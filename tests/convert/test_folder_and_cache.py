@@ -2,6 +2,9 @@
 
 import json
 import os
+import signal
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -67,6 +70,53 @@ def test_a_conversion_that_is_interrupted_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         folder.write_folder(target / "arm", conversion.files, force=False)
     assert os.listdir(target) == []
+
+
+KILLED = """
+import os, pathlib, signal, sys
+from mjplug.convert import beside, folder
+from mjplug.convert.conversion import convert
+from mjplug.convert.options import ConversionOptions
+from mjplug.convert.source import read_source
+from mjplug.model.packages import Packages
+file, target, count, scene = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+packages = Packages({})
+files = convert(read_source(file, {}, packages), ConversionOptions(scene=scene), packages).files
+left = [count]
+def tick():
+    left[0] -= 1
+    if not left[0]:
+        os.kill(os.getpid(), signal.SIGKILL)
+write, swap, exchange = pathlib.Path.write_bytes, folder._swap, folder.exchange
+pathlib.Path.write_bytes = lambda path, content: (write(path, content[:9]), tick(), write(path, content), tick())
+folder._swap = lambda new, old: (tick(), swap(new, old))
+folder.exchange = lambda new, old: (exchange(new, old), tick())[0]
+folder.write_folder(target, files, force=True)
+"""
+"""Kills itself after the half or the whole of a file is written, before or after the folders are exchanged."""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+@pytest.mark.parametrize(
+    "count", [1, 4, 11, 12], ids=["first file", "second file", "before the end", "at the exchange"]
+)
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_conversion_that_is_killed_leaves_the_old_or_the_new_folder(tmp_path, count, replaced):
+    old, _ = converted(tmp_path, ARM)
+    new, _ = converted(tmp_path, ARM, scene="tabletop")
+    target = tmp_path / "out" / "arm"
+    if replaced:
+        folder.write_folder(target, old.files, force=False)
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "robot.urdf"), str(target), str(count), "tabletop"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    if target.exists():
+        assert contents(target) in ([old.files, new.files] if replaced else [new.files])
+    else:
+        assert not replaced
+    folder.write_folder(target, new.files, force=True)
+    assert contents(target) == new.files
+    assert os.listdir(tmp_path / "out") == ["arm"], "what the killed conversion left is removed"
 
 
 def arm_with_mesh(path, size=1):

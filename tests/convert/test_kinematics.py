@@ -171,6 +171,25 @@ def test_planar_floating_and_ball_joints(tmp_path):
     assert data.joint("float").qpos[2] == pytest.approx(0.051, abs=1e-6)
 
 
+def chain(count):
+    """Returns a robot whose links hang on each other in one row."""
+    below = [link(f"l{i}") + joint(f"j{i}", f"l{i - 1}", f"l{i}", "fixed") for i in range(1, count)]
+    return robot(link("l0", shape='<box size="0.1 0.1 0.1"/>'), *below)
+
+
+ENTITIES = (
+    '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {name} "{f"&{before};" * 10}">' for before, name in zip("abcdefgh", "bcdefghi", strict=True))
+    + ']><robot name="&i;"><link name="a"/></robot>'
+)
+"""A file of some hundred bytes that expands to a gigabyte."""
+
+
+def test_a_chain_of_300_links_is_converted(tmp_path):
+    _, model = converted(tmp_path, chain(301))
+    assert model.nbody == 302
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -197,6 +216,8 @@ def test_planar_floating_and_ball_joints(tmp_path):
             "joint 'j' is floating below link 'b'",
         ),
         (robot(link("a"), link("world"), joint("j", "a", "world")), "link 'world' must be the root"),
+        (chain(302), "link 'l301' is below more than 300 others, which is not supported"),
+        (ENTITIES, "is not valid XML: limit on input amplification factor"),
         ("<robot name='x'></robot>", "contains no link"),
         ("<mujoco/>", "its root element is <mujoco>"),
         ("<robot", "is not valid XML"),
