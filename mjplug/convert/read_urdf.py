@@ -14,6 +14,9 @@ from mjplug.errors import ModelError, did_you_mean
 
 _TYPES: dict[str, JointType] = {name: name for name in get_args(JointType)} | {"spherical": "ball"}
 
+_LARGEST = 1e30
+"""Largest number, so that products of a few numbers do not overflow."""
+
 
 def read_robot(root: Element, report: Report) -> Robot:
     """Reads a `<robot>`.
@@ -50,15 +53,16 @@ def floats(text: str, count: int, what: str) -> tuple[float, ...]:
     """Returns the finite numbers of an attribute.
 
     Raises:
-        ModelError: It does not contain exactly `count` finite numbers.
+        ModelError: It does not contain exactly `count` numbers that are finite and not too large to compute with.
     """
     try:
         values = tuple(float(part) for part in text.split())
     except ValueError:
         values = ()
-    if len(values) != count or not all(map(math.isfinite, values)):
+    if len(values) != count or not all(abs(value) <= _LARGEST for value in values):
         wanted = "a number" if count == 1 else f"{count} numbers"
-        raise ModelError(f"{what} is {text!r}; it must be {wanted}")
+        limit = f" of at most {_LARGEST:g}" if len(values) == count and all(map(math.isfinite, values)) else ""
+        raise ModelError(f"{what} is {text!r}; it must be {wanted}{limit}")
     return values
 
 

@@ -209,6 +209,7 @@ def test_a_chain_of_300_links_is_converted(tmp_path):
         (robot(link("a"), link("b"), joint("j", "a", "b", axis="0 0 0")), "the axis of joint 'j' is zero"),
         (robot(link("a"), link("b"), joint("j", "a", "b", limit='lower="1" upper="-1"')), "limits 1 to -1"),
         (robot(link("a"), link("b"), joint("j", "a", "b", xyz="0 nan 0")), "xyz of joint 'j' is '0 nan 0'"),
+        (robot(link("a", 1e308)), "the mass of link 'a' is '1e+308'; it must be a number of at most 1e+30"),
         (robot(link("a", -1.0)), "the mass of link 'a' is -1 kg"),
         (robot(link("a"), link("b"), joint("j", "a", "b", more='<mimic joint="j"/>')), "joint 'j' mimics itself"),
         (
