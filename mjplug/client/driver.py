@@ -5,6 +5,8 @@ This is the only module of the client that needs numpy.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -46,11 +48,7 @@ class Arrays(Mapping[str, Array]):
 
     def __init__(self, names: Sequence[str], widths: Sequence[int], values: Array) -> None:
         self._values = values
-        self._places: dict[str, tuple[int, int]] = {}
-        begin = 0
-        for name, width in zip(names, widths, strict=True):
-            self._places[name] = begin, begin + width
-            begin += width
+        self._places = _places(tuple(names), tuple(widths))
 
     def __getitem__(self, name: str) -> Array:
         begin, end = self._places[name]
@@ -83,7 +81,8 @@ class StepResult(Arrays):
 
     def __init__(self, response: Any, names: Sequence[str], actions: int | None) -> None:
         widths = tuple(response.widths)
-        rows = numbers(response.observations).reshape(-1 if sum(widths) else actions or 1, sum(widths))
+        width = sum(widths)
+        rows = numbers(response.observations).reshape(-1 if width else actions or 1, width)
         # Several actions may also be given as one flat array.
         super().__init__(names, widths, rows[0] if actions is None and len(rows) == 1 else rows)
         self.step: int = response.step
@@ -207,15 +206,21 @@ class Driver(ABC):
 
 
 def packed(values: Array) -> Any:
-    """Returns numbers as a flat memoryview of float64, which is encoded in one piece; a tuple if there are none."""
-    if not values.size:
-        return ()
-    return np.ascontiguousarray(values).reshape(-1).data.cast("B").cast("d")
+    """Returns a copy of numbers as a flat memoryview of float64, which is encoded in one piece."""
+    return memoryview(values.tobytes()).cast("d")
 
 
 def numbers(values: Any) -> Array:
     """Returns numbers of a response as an aligned, writable array."""
-    return np.require(np.asarray(values, np.float64), requirements=["C", "A", "W"])
+    array = np.asarray(values, np.float64)
+    return array if array.flags.behaved else array.copy()
+
+
+@lru_cache
+def _places(names: tuple[str, ...], widths: tuple[int, ...]) -> dict[str, tuple[int, int]]:
+    """Returns where the values of each array begin and end."""
+    ends = list(accumulate(widths))
+    return {name: (end - width, end) for name, width, end in zip(names, widths, ends, strict=True)}
 
 
 def _count(n: Any) -> int:
