@@ -33,6 +33,7 @@ def results() -> list[Result]:
     for name, file in _MODELS.items():
         rows += _chunks(name, file)
     rows += _local(*next(iter(_MODELS.items())))
+    rows += _states()
     rows.append(_gym())
     return rows
 
@@ -101,6 +102,39 @@ def _local(name: str, file: Path) -> list[Result]:
                 lambda: _time(lambda: local.rollout(chunk), _STEPS // CHUNK) / CHUNK,
                 lambda: _time(bare, _STEPS),
                 "<= 3",
+                "{:.1f} µs",
+            ),
+        ]
+
+
+def _states() -> list[Result]:
+    """Saving and restoring a state in memory, against MuJoCo's own functions for a state."""
+    with open_server("bundled:quadruped", plugins=["heartbeat", "external_wrench"], run=False, environ={}) as server:
+        local, model = server.local, server.model
+        local.step(200)
+        data = mujoco.MjData(model)
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        vector = np.empty(mujoco.mj_stateSize(model, kind))
+        local.save("start")
+
+        def put_back() -> None:
+            mujoco.mj_setState(model, data, vector, kind)
+            mujoco.mj_forward(model, data)
+
+        mujoco.mj_getState(model, data, vector, kind)
+        return [
+            pairs(
+                "save_state in memory, in process, bundled quadruped, against mj_getState",
+                lambda: _time(lambda: local.save("start", overwrite=True), 200),
+                lambda: _time(lambda: mujoco.mj_getState(model, data, vector, kind), 200),
+                "<= 1000",
+                "{:.1f} µs",
+            ),
+            pairs(
+                "restore_state from memory, in process, bundled quadruped, against mj_setState and mj_forward",
+                lambda: _time(lambda: local.restore("start"), 200),
+                lambda: _time(put_back, 200),
+                "<= 50",
                 "{:.1f} µs",
             ),
         ]

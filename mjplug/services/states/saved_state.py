@@ -132,7 +132,7 @@ class SavedState:
         """Why the state of a plugin was not saved, by instance."""
         return {name: part.left_out for name, part in self.header.parts.items() if part.left_out}
 
-    @property
+    @cached_property
     def physics(self) -> PhysicsState:
         """The state of MuJoCo.
 
@@ -154,9 +154,18 @@ class SavedState:
 
     def part(self, name: str) -> SavedPart:
         """Returns the state of a part that the header contains."""
-        begin, header = f"{PLUGINS}{name}/", self.header.parts[name]
-        arrays = {key.removeprefix(begin): array for key, array in self.arrays.items() if key.startswith(begin)}
-        return SavedPart(header.values, arrays, header.left_out)
+        header = self.header.parts[name]
+        return SavedPart(header.values, dict(self._arrays_of_parts.get(name, {})), header.left_out)
+
+    @cached_property
+    def _arrays_of_parts(self) -> dict[str, dict[str, NDArray[Any]]]:
+        """The arrays of each part by name. A state may be restored thousands of times, so they are searched once."""
+        found: dict[str, dict[str, NDArray[Any]]] = {}
+        for key, array in self.arrays.items():
+            if key.startswith(PLUGINS):
+                part, _, name = key.removeprefix(PLUGINS).partition("/")
+                found.setdefault(part, {})[name] = array
+        return found
 
 
 def describe(name: str, file: bool, header: Header, size: int) -> Snapshot:
