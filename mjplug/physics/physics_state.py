@@ -105,6 +105,9 @@ def check(model: mujoco.MjModel, state: PhysicsState, results: Mapping[str, Arra
     size = mujoco.mj_stateSize(model, _STATE)
     _require(state.vector.dtype == np.float64 and state.vector.shape == (size,), f"its vector must have {size} values")
     _require(np.isfinite(state.vector[0]), "its time is not finite")
+    # MuJoCo would report a divergence, but plugins read positions before the step.
+    motion = np.abs(state.vector[1 : 1 + model.nq + model.nv])
+    _require((motion < mujoco.mjMAXVAL).all(), "a position or velocity is NaN, infinite or above 1e10")
     shapes = {name: array.shape for name, array in results.items()}
     given = {name: array.shape for name, array in state.results.items()}
     _require(given == shapes, "the results of its last step have other sizes")

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from hostile import configuration, decoders, full_disk, in_process, server_kills, stopped_callers, wire
+from hostile import configuration, decoders, full_disk, in_process, saved_states, server_kills, stopped_callers, wire
 
 SHARES = ((in_process, 0.6), (wire, 0.36), (configuration, 0.04))
 """What part of the inputs each attacker sends."""
@@ -21,6 +21,7 @@ def main(argv=None):
     for attacker, share in SHARES:
         failed |= attacker.main([*common, "--count", str(max(1, round(share * options.count)))])
     failed |= decoders.main([*common, "--count", str(options.count)])
+    failed |= saved_states.main([*common, "--count", str(max(1, options.count // 50))])
     for attacker, count in ((server_kills, 10), (stopped_callers, 10), (full_disk, 40)):
         failed |= attacker.main([*common, "--count", str(count)])
     return failed

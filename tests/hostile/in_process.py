@@ -68,6 +68,8 @@ class Target:
         described = ServiceName("/mjplug/get_type_description", GetTypeDescription)
         self.transport.open_service(described, lambda call: call.respond(descriptions.answer(call.request)))
         self.loop = self.server.loop
+        # Some inputs name it.
+        self.call("mjplug/save_state", {"name": "begin"})
 
     def send(self, given):
         """Decodes an input and executes it in the loop; returns the request, if it is one."""

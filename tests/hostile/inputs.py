@@ -48,6 +48,14 @@ PARAMETERS = (
     "schema=%C3%A9",
     "_max=0;_range=..;_sn=1..3",
     "\u540d=1",
+    "owner=a",
+    "owner=**",
+    "owner=%00",
+    "owner=" + "a" * 3000,
+    "episode=7",
+    "episode=-1",
+    "episode=%C2%B2",
+    "episode=" + "9" * 3000,
 )
 
 WILDCARDS = (

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hostile import decoders, full_disk, in_process, server_kills, soak, stopped_callers, wire
+from hostile import decoders, full_disk, in_process, saved_states, server_kills, soak, stopped_callers, wire
 from hostile.attack import random_of
 from machine import lacking
 
@@ -15,6 +15,10 @@ proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks fo
 @proc
 def test_hostile_bytes_into_a_server_without_a_socket_are_refused_or_right():
     assert in_process.main(["--count", "750", "--seconds", "40"]) == 0
+
+
+def test_hostile_files_of_saved_states_are_refused_or_restored():
+    assert saved_states.main(["--count", "100", "--seconds", "40"]) == 0
 
 
 @proc

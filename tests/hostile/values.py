@@ -89,6 +89,13 @@ WORDS = (
     "map",
     "mujoco_ros2_control_msgs/srv/SetPause",
     "std_srvs/srv/Trigger",
+    "qpos",
+    "sensordata",
+    "xpos",
+    "/clock",
+    "/joint_states",
+    "/cmd_vel",
+    "begin",
 )
 """Names that the world, the parameters and the types have: without them, few inputs would get past the first check."""
 

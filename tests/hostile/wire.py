@@ -102,6 +102,8 @@ class Target:
         try:
             self.client = Client(self.server.endpoint, WORLD.parent / "patient.json5")
             self.interfaces = interfaces_of(self.client.ask("mjplug/interfaces"))
+            # Some inputs name it.
+            self.ask("mjplug/save_state", name="begin")
         except BaseException:
             self.server.kill()
             raise

@@ -160,13 +160,55 @@ def test_chains_of_sleeping_bodies_are_checked(tmp_path, asleep):
     world.close()
 
 
-def test_a_state_of_nan_is_a_divergence_like_any_other(saved):
-    content = with_vector(saved.content, lambda v: v.__setitem__(1, np.nan))
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e10, 1e300])
+def test_a_diverged_state_is_refused(saved, value):
+    for index in (1, saved.model.nq, saved.model.nq + saved.model.nv):
+        content = with_vector(saved.content, lambda v, index=index: v.__setitem__(index, value))
+        assert "a position or velocity is NaN, infinite or above 1e10" in restore(saved, content).refusal
+
+
+def test_a_state_that_diverges_in_the_next_step_is_a_divergence_like_any_other(saved):
+    content = with_vector(saved.content, lambda v: v.__setitem__(1 + saved.model.nq, 9e9))
+    before = saved.loop.recovery.count
     assert restore(saved, content).refusal is None
+    saved.data.qfrc_applied[:] = 1e300
     saved.step(5)
-    assert saved.loop.recovery.count > 0
+    assert saved.loop.recovery.count > before
     saved.restore(file=True)
     saved.step(5)
+    assert saved.loop.failure is None
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [(0, 1), (0, -(1 << 60)), (1, 0), (1, 1 << 60), (2, -1), (2, 1 << 40), (2, 1)]
+)
+def test_a_wrench_that_does_not_act_or_has_no_marker_is_left_out(saved, column, value):
+    whole = np.load(io.BytesIO(zipfile.ZipFile(io.BytesIO(saved.content)).read("plugins/wrench/whole.npy")))
+    # The last one: two wrenches with the marker 1.
+    whole[1, column] = value
+    answer = restore(saved, changed(saved.content, plugins__wrench__whole_npy=array(whole)))
+    assert answer.response.snapshot.left_out == ("wrench",)
+    saved.step(20)
+    assert saved.loop.failure is None
+
+
+def test_plugins_that_cannot_return_to_their_state_are_reset(saved, monkeypatch, caplog):
+    """A refused `strict` restore sets the present state back; if a plugin fails at that, it is reset."""
+    calls = []
+
+    def fails(state):
+        calls.append(state)
+        raise ValueError("no")
+
+    saved.restore(file=True)
+    monkeypatch.setattr(saved.drive, "restore", fails)
+    (saved.folder / "x.npz").write_bytes(saved.content)
+    refused = saved.request("restore_state", RestoreState, name="x", file=True, strict=True).refusal
+    assert "drive: its saved state is invalid: ValueError('no')" in refused
+    assert len(calls) == 2
+    assert "plugins could not set their own state back, and are reset: drive" in caplog.text
+    assert saved.drive._last_step < 0
+    saved.step(3)
     assert saved.loop.failure is None
 
 

@@ -1,5 +1,6 @@
 """Takes saved states of a loop with all its parts, and puts them back. Physics thread only."""
 
+import logging
 from collections.abc import Iterable
 from typing import Any
 
@@ -22,6 +23,8 @@ from mjplug.services.states.saved_state import (
     SavedState,
     SavedTimer,
 )
+
+_log = logging.getLogger(__name__)
 
 
 class Keeper:
@@ -107,7 +110,7 @@ class Keeper:
                 before = self.save()
                 problems = self._put_back(state, {}, keep_time, reset=False)
                 if problems:
-                    self._put_back(before, before.left_out, keep_time=False, reset=False)
+                    self._return_to(before)
             if problems:
                 raise RequestError(f"strict: the state is incomplete ({listing(problems)})")
 
@@ -155,6 +158,15 @@ class Keeper:
         loop.simulation.check(state.physics)
         if header.digest != physics_state.digest(state.physics.vector):
             raise RequestError("its digest is not that of its state vector")
+
+    def _return_to(self, before: SavedState) -> None:
+        """Sets the state that this server was in a moment ago."""
+        lost = self._put_back(before, before.left_out, keep_time=False, reset=False)
+        if lost:
+            _log.error("plugins could not set their own state back, and are reset: %s", listing(lost))
+        for name in lost:
+            if stepper := self._parts()[name].stepper:
+                stepper.on_reset()
 
     def _problems(self, state: SavedState) -> dict[str, str]:
         """Returns why the state of a plugin cannot be restored, as far as it is known before."""

@@ -11,6 +11,12 @@ from mjplug_plugins.external_wrench.wrench import Vec, Wrench, wrench_on
 _WHOLE, _REAL = 4, 11
 """Numbers of columns of the two arrays."""
 
+_MAX_STEPS = 1 << 53
+"""Largest number of steps between now and start or end of a wrench."""
+
+_MAX_ID = (1 << 31) - 1
+"""Numbers of markers are below this; they are int32."""
+
 
 def saved_wrenches(active: Iterable[tuple[Wrench, int]], shown: Collection[Wrench], step: int) -> dict[str, Any]:
     """Returns wrenches as data.
@@ -47,10 +53,20 @@ def restored_wrenches(host: Host, saved: Mapping[str, Any], most: int) -> tuple[
     """
     bodies, whole, real = saved["bodies"], np.asarray(saved["whole"]), np.asarray(saved["real"])
     count = len(bodies)
-    if whole.shape != (count, _WHOLE) or real.shape != (count, _REAL) or whole.dtype != np.int64 or count > most:
+    if whole.shape != (count, _WHOLE) or real.shape != (count, _REAL) or count > most:
         raise RequestError("the wrenches have other sizes")
-    if not np.isfinite(real).all() or (real[:, 9:] < 0).any() or len(set(whole[:, 2].tolist())) != count:
+    if whole.dtype != np.int64 or real.dtype != np.float64:
+        raise RequestError("the wrenches have other types")
+    start, end, marker_ids = whole.T[:3]
+    if not np.isfinite(real).all() or (real[:, 9:] < 0).any() or (real[:, 10] > real[:, 9]).any():
         raise RequestError("a wrench is invalid")
+    if (start > 0).any() or (start < -_MAX_STEPS).any() or (end <= 0).any() or (end > _MAX_STEPS).any():
+        raise RequestError("a wrench does not act now")
+    next_id = saved["next_id"]
+    if not isinstance(next_id, int) or not 0 <= next_id < _MAX_ID:
+        raise RequestError("the number of the next marker is invalid")
+    if ((marker_ids < 0) | (marker_ids >= next_id)).any() or len(set(marker_ids.tolist())) != count:
+        raise RequestError("the number of a marker is invalid")
     wrenches: dict[Wrench, int] = {}
     shown = []
     for name, (start, end, marker_id, has_markers), row in zip(bodies, whole.tolist(), real.tolist(), strict=True):
