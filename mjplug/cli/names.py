@@ -9,6 +9,9 @@ from mjplug.cli.quick_completion import live_names, node_names, typed_words
 _CONFIGS = (".yaml", ".yml")
 """Suffixes of configuration files."""
 
+_STATES_TIMEOUT = 2.0
+"""Timeout of the list of saved states [s]; reading the headers of files takes time, and the user waits."""
+
 
 def complete_topic(context: typer.Context, incomplete: str) -> list[str]:
     """Returns the topics that start with `incomplete`."""
@@ -86,6 +89,21 @@ def complete_keyframe_of_server(context: typer.Context, incomplete: str) -> list
         # A message or a traceback would disturb the prompt.
         return []
     return _keyframes(model, incomplete) if isinstance(model, str) else []
+
+
+def complete_state(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the matching saved states of a running server: those in memory, or with `--file` those in files."""
+    from mjplug.client import ClientError, connect
+
+    file = bool(context.params.get("file"))
+    try:
+        chosen, server = context.params.get("connect"), context.params.get("server") or ""
+        with connect(chosen, server=server, timeout=0.0) as client:
+            saved = client.call("~/list_states", timeout=_STATES_TIMEOUT).snapshots
+    except ClientError:
+        # A message or a traceback would disturb the prompt.
+        return []
+    return [one.name for one in saved if one.file == file and one.name.startswith(incomplete)]
 
 
 def _keyframes(model: str, begin: str) -> list[str]:

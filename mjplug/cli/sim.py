@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from mjplug.cli.connected import connected
-from mjplug.cli.names import complete_keyframe_of_server
+from mjplug.cli.names import complete_keyframe_of_server, complete_state
 from mjplug.cli.output import say, say_json, say_table
 
 if TYPE_CHECKING:
@@ -16,7 +16,9 @@ app = typer.Typer(
     name="sim", help="Pauses, steps and resets the simulation, sets its speed, saves its state.", no_args_is_help=True
 )
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the state: letters, digits and underscores.")]
+_NAME_HELP = "Name of the state: letters, digits and underscores."
+Name = Annotated[str, typer.Argument(metavar="NAME", help=_NAME_HELP)]
+SavedName = Annotated[str, typer.Argument(metavar="NAME", help=_NAME_HELP, autocompletion=complete_state)]
 InFile = Annotated[
     bool, typer.Option("--file", "-f", help="In a file on the machine of the server, instead of its memory.")
 ]
@@ -159,7 +161,7 @@ def save(
 @connected
 def restore(
     client: "Client",
-    name: Name,
+    name: SavedName,
     file: InFile = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse if the state of a plugin cannot be restored.")
@@ -207,7 +209,7 @@ def states(
 
 @app.command("delete-state")
 @connected
-def delete_state(client: "Client", name: Name, file: InFile = False) -> None:
+def delete_state(client: "Client", name: SavedName, file: InFile = False) -> None:
     """Deletes a saved state."""
     say(client.call("~/delete_state", {"name": name, "file": file}).message)
 

@@ -13,6 +13,7 @@ from mjplug.cli import names, quick_completion
 from mjplug.cli.app import main as typer_main
 from mjplug.cli.service import app as service_app
 from mjplug.cli.topic import app as topic_app
+from mjplug.client import connect
 
 
 def complete(*words, **variables):
@@ -80,6 +81,36 @@ def test_tab_completes_names_of_servers_and_of_their_parameters(tour):
 def test_tab_completes_the_keyframes_of_a_bundled_model_that_is_running(serve):
     server = serve("bundled:quadruped", "--paused")
     assert complete("mjplug", "sim", "reset", "-k", "ho", MJPLUG_CONNECT=server.endpoint) == ["home"]
+
+
+def test_tab_completes_the_saved_states_of_a_server(serve, tmp_path):
+    server = serve("bundled:box", "--paused", "--set", f"snapshots.folder={tmp_path}")
+    with connect(server.endpoint) as client:
+        for name, file in (("grasp", False), ("grown", False), ("start", False), ("growing", True)):
+            client.save(name, file=file)
+    live = {"MJPLUG_CONNECT": server.endpoint}
+    assert complete_live("mjplug", "sim", "restore", "gr", **live) == ["grasp", "grown"]
+    assert complete_live("mjplug", "sim", "delete-state", "s", **live) == ["start"]
+    assert complete_live("mjplug", "sim", "restore", "--file", "gr", **live) == ["growing"]
+    assert complete("mjplug", "sim", "save", "gr", **live) == []
+    assert complete("mjplug", "sim", "restore", "gr", MJPLUG_CONNECT="tcp/127.0.0.1:1") == []
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_complete_saved_states_too(serve, shell):
+    server = serve("bundled:box", "--paused")
+    with connect(server.endpoint) as client:
+        client.save("grasp")
+    line = "mjplug sim restore gr"
+    asking = {
+        "_MJPLUG_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": line,
+        "_TYPER_COMPLETE_FISH_ACTION": "get-args", "COMP_WORDS": line, "COMP_CWORD": "3", "MJPLUG_CONNECT": server.endpoint,
+    }  # fmt: skip
+    done = subprocess.run(
+        COMMAND, env=environment(asking), capture_output=True, text=True, timeout=STARTING, check=False
+    )
+    assert "grasp" in done.stdout
+    assert done.stderr == ""
 
 
 def test_bash_takes_a_colon_for_the_end_of_a_word(tour):
