@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from mjplug.cli.action import app as action_app
 from mjplug.cli.bag import app as bag_app
 from mjplug.cli.completion import EPILOG as COMPLETION_EPILOG
 from mjplug.cli.completion import completion, prepare
@@ -75,8 +76,8 @@ app.command(
     )
 )(convert)
 for group in (
-    topic_app, service_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app, config_app, keys_app,
-    bag_app,
+    topic_app, service_app, action_app, node_app, param_app, sim_app, interface_app, model_app, plugin_app,
+    config_app, keys_app, bag_app,
 ):  # fmt: skip
     app.add_typer(group)
 app.command(

@@ -23,6 +23,11 @@ def complete_service(context: typer.Context, incomplete: str) -> list[str]:
     return live_names("services", incomplete, context.params.get("connect"))
 
 
+def complete_action(context: typer.Context, incomplete: str) -> list[str]:
+    """Returns the actions that start with `incomplete`."""
+    return live_names("actions", incomplete, context.params.get("connect"))
+
+
 def complete_node(context: typer.Context, incomplete: str) -> list[str]:
     """Returns the servers whose names start with `incomplete`."""
     return node_names(incomplete, context.params.get("connect"))
@@ -43,6 +48,11 @@ def complete_message_type(incomplete: str) -> list[str]:
 def complete_service_type(incomplete: str) -> list[str]:
     """Returns the service types that start with `incomplete`."""
     return [name for name in complete_type(incomplete) if "/srv/" in name]
+
+
+def complete_action_type(incomplete: str) -> list[str]:
+    """Returns the action types that start with `incomplete`."""
+    return [name for name in complete_type(incomplete) if "/action/" in name]
 
 
 def complete_plugin(incomplete: str) -> list[str]:

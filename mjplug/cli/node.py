@@ -11,7 +11,7 @@ from mjplug.cli.output import say
 from mjplug.cli.server_name import server_name
 
 if TYPE_CHECKING:
-    from mjplug.client import Client, ServiceInfo, TopicInfo
+    from mjplug.client import ActionInfo, Client, ServiceInfo, TopicInfo
 
 app = typer.Typer(name="node", help="Lists and shows servers; each is a ROS node.", no_args_is_help=True)
 
@@ -41,7 +41,7 @@ def list_nodes(
 @app.command()
 @connected
 def info(client: "Client", node: NodeName) -> None:
-    """Shows the topics and services of a server."""
+    """Shows the topics, services and actions of a server."""
     name = server_name(client, node)
     servers = client.servers()
     if name not in servers:
@@ -54,12 +54,13 @@ def info(client: "Client", node: NodeName) -> None:
     _say_names("Subscribers", (topic for topic in topics if topic.subscribers))
     _say_names("Publishers", (topic for topic in topics if topic.publishers))
     _say_names("Service Servers", server.services.values())
-    # Servers are no service clients, and their actions appear as services and topics.
-    for heading in ("Service Clients", "Action Servers", "Action Clients"):
-        _say_names(heading, ())
+    # Servers are no clients.
+    _say_names("Service Clients", ())
+    _say_names("Action Servers", server.actions.values())
+    _say_names("Action Clients", ())
 
 
-def _say_names(heading: str, entries: "Iterable[TopicInfo | ServiceInfo]") -> None:
+def _say_names(heading: str, entries: "Iterable[TopicInfo | ServiceInfo | ActionInfo]") -> None:
     say(f"  {heading}:")
     for entry in sorted(entries, key=lambda entry: entry.name):
         say(f"    {entry.name}: {entry.type}")

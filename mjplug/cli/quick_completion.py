@@ -1,4 +1,4 @@
-"""Completion of topic and service names, answered before typer is imported.
+"""Completion of names of topics, services and actions, answered before typer is imported.
 
 Importing typer and pydantic takes far longer than the query to the server. typer completes everything else, and these
 names if options precede them. The shell gets the same answer either way.
@@ -23,15 +23,18 @@ _NAME = re.compile(r"[A-Za-z0-9_/]+")
 _TIMEOUT = 1.0
 """Timeout of each query [s]; short, because the user waits at the prompt."""
 
-COMMANDS: Final[dict[str, tuple[Literal["topics", "services"], frozenset[str]]]] = {
+Kind = Literal["topics", "services", "actions"]
+
+COMMANDS: Final[dict[str, tuple[Kind, frozenset[str]]]] = {
     "topic": ("topics", frozenset({"info", "type", "echo", "pub", "hz", "bw", "delay"})),
     "service": ("services", frozenset({"info", "type", "call"})),
+    "action": ("actions", frozenset({"info", "type", "send_goal"})),
 }
 """For each group of commands: the kind of names, and the commands whose first argument is such a name."""
 
 
 def answer() -> bool:
-    """Answers the shell if it asks for the names of topics or services.
+    """Answers the shell if it asks for the names of topics, services or actions.
 
     Returns:
         Whether it did.
@@ -74,11 +77,11 @@ def answer_with(complete: Callable[[], None]) -> None:
             print(line.removeprefix(f"{done}:") if done else line)
 
 
-def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | None = None) -> list[str]:
-    """Returns the names of topics or services that start with `begin`; none if no server answers.
+def live_names(kind: Kind, begin: str, endpoint: str | None = None) -> list[str]:
+    """Returns the names of topics, services or actions that start with `begin`; none if no server answers.
 
     Args:
-        kind: Topics or services.
+        kind: Topics, services or actions.
         begin: The part of the name that the user has typed.
         endpoint: Where a server listens; the default is that of all commands.
     """
@@ -90,7 +93,7 @@ def live_names(kind: Literal["topics", "services"], begin: str, endpoint: str | 
         offered = set()
         with light_session(chosen or None, timeout_ms=round(1e3 * _TIMEOUT)) as session:
             for _, text in lists(session, _TIMEOUT):
-                offered |= {str(entry["name"]) for entry in json.loads(text)[kind]}
+                offered |= {str(entry["name"]) for entry in json.loads(text).get(kind, ())}
     except Exception:
         # A message or a traceback would disturb the prompt.
         return []

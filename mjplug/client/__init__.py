@@ -1,4 +1,4 @@
-"""A Python client of mjplug servers: topics and services by their ROS names, typed, on this machine or another.
+"""A Python client of mjplug servers: typed topics, services and actions by their ROS names, on any machine.
 
 It needs Zenoh and `mjplug_schemas`, and imports neither MuJoCo nor numpy:
 
@@ -14,6 +14,7 @@ from mjplug.client.client import Client
 from mjplug.client.connection import connect
 from mjplug.client.errors import (
     ClientError,
+    GoalFailed,
     NoServerError,
     RequestRefused,
     TimedOutError,
@@ -21,14 +22,18 @@ from mjplug.client.errors import (
     WrongTypeError,
 )
 from mjplug.client.failure import DEFAULT_ENDPOINT
+from mjplug.client.goal import Goal
 from mjplug.client.publisher import Publisher
 from mjplug.client.subscription import MessageInfo, Subscription
-from mjplug.wire.discovery.format import ServerInfo, ServiceInfo, TopicInfo
+from mjplug.wire.discovery.format import ActionInfo, ServerInfo, ServiceInfo, TopicInfo
 
 __all__ = [
     "DEFAULT_ENDPOINT",
+    "ActionInfo",
     "Client",
     "ClientError",
+    "Goal",
+    "GoalFailed",
     "MessageInfo",
     "NoServerError",
     "Publisher",

@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 from urllib.parse import quote
+from uuid import UUID
 
 import zenoh
 
 from mjplug.client import request
 from mjplug.client.confirmation import await_publishers
 from mjplug.client.errors import ClientError, TimedOutError, WrongTypeError
+from mjplug.client.goal import Goal
 from mjplug.client.graph import GIVE_TYPE, Graph
 from mjplug.client.parameters import read as read_parameters
 from mjplug.client.publisher import Publisher
@@ -34,7 +36,7 @@ M = TypeVar("M")
 
 
 class Client(Graph, StateCalls):
-    """Subscribes to topics, publishes messages and calls services of the servers of one network. Thread-safe.
+    """Subscribes to topics, publishes messages, calls services and sends goals, on one network. Thread-safe.
 
     Names follow the rules of ROS: `clock` means `/clock`, and `~/set_pause` means `/mjplug/set_pause`.
     A client may be created before the topics and services it uses exist.
@@ -213,6 +215,48 @@ class Client(Graph, StateCalls):
         if check:
             request.check(service, response)
         return response
+
+    def send_goal(
+        self,
+        name: str,
+        goal: Message | Fields | None = None,
+        *,
+        callback: Callable[[Any], None] | None = None,
+        depth: int = 1000,
+        timeout: float = request.MARGIN,
+        **fields: Any,
+    ) -> Goal:
+        """Sends a goal to an action, and waits until the server has accepted it.
+
+        Args:
+            name: The action.
+            goal: The goal, or nested dictionaries of its fields; missing fields have their initial values.
+            callback: Called with each feedback, on Zenoh's thread. Without it, iterate over the returned `Goal`.
+            depth: Maximum number of feedback messages that wait to be taken.
+            timeout: How long to wait until the goal is accepted [s].
+            **fields: The fields of the goal, instead of `goal`.
+
+        Returns:
+            The goal: iterate over it to get the feedback, and call `result` or `cancel`.
+
+        Raises:
+            RequestRefused: The server rejects the goal.
+            TimedOutError: There was no answer in time.
+            UnknownNameError: No server offers the action.
+            WrongTypeError: The goal has another type than the action, or is given twice.
+        """
+        if goal is not None and fields:
+            raise WrongTypeError(f"the goal is given twice: as a message, and as {', '.join(fields)}")
+        action = self.action(name)
+        kind = known(action.type)
+        given = fields if goal is None else goal
+        sent = Goal(action, kind, depth, self._cancel_goal, callback)
+        sent.send(self.session, given if kind is None else as_message(given, kind.Goal), bounded(timeout))
+        return sent
+
+    def _cancel_goal(self, goal: Goal) -> Any:
+        info = {"goal_id": {"uuid": UUID(goal.id).bytes}}
+        return self.call(f"{goal.action}/_action/cancel_goal", {"goal_info": info})
 
     def step(
         self,

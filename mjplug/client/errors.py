@@ -69,3 +69,27 @@ class RequestRefused(ClientError):  # noqa: N818  (the name says that it is an e
         self.service = service
         self.reason = reason
         self.response = response
+
+
+class GoalFailed(ClientError):  # noqa: N818  (the name says that it is an error)
+    """A goal of an action was aborted or cancelled.
+
+    Attributes:
+        action: The action's full name.
+        status: `ABORTED` or `CANCELED`.
+        reason: The reason in the result; empty if there is none.
+        result: The result.
+
+    Args:
+        action: As above.
+        status: As above.
+        reason: As above.
+        result: As above.
+    """
+
+    def __init__(self, action: str, status: str, reason: str, result: Any) -> None:
+        super().__init__(f"the goal of {action} was {status.lower()}{f': {reason}' if reason else ''}")
+        self.action = action
+        self.status = status
+        self.reason = reason
+        self.result = result

@@ -1,4 +1,4 @@
-"""The servers of a network, their topics and services, and the resolution of names."""
+"""The servers of a network, their topics, services and actions, and the resolution of names."""
 
 import logging
 import time
@@ -12,10 +12,12 @@ from mjplug.client.types import find
 from mjplug.wire.discovery import questions
 from mjplug.wire.discovery.announced import NoAnswerError, server_names
 from mjplug.wire.discovery.format import (
+    ActionInfo,
     ServerInfo,
     ServiceInfo,
     TopicInfo,
     UnreadableListError,
+    all_actions,
     all_services,
     all_topics,
     parse,
@@ -96,6 +98,24 @@ class Graph:
         """Returns the services of all servers by name."""
         return all_services(self.servers().values())
 
+    def actions(self) -> dict[str, ActionInfo]:
+        """Returns the actions of all servers by name."""
+        return all_actions(self.servers().values())
+
+    def action(self, name: str) -> ActionInfo:
+        """Returns the properties of an action.
+
+        Raises:
+            UnknownNameError: No server offers it.
+        """
+        full = self.resolve(name)
+        for server in self._nearest(full):
+            if full in server.actions:
+                return server.actions[full]
+        servers, silent = self._ask_all()
+        found: ActionInfo = self._known("action", full, all_actions(servers.values()), silent)
+        return found
+
     def topic(self, name: str) -> TopicInfo:
         """Returns the properties of a topic.
 
@@ -103,7 +123,7 @@ class Graph:
             UnknownNameError: No server has it.
         """
         servers, silent = self._ask_all()
-        found: TopicInfo = self._known("topic", name, all_topics(servers.values()), silent)
+        found: TopicInfo = self._known("topic", name, all_topics(servers.values(), _hidden(name)), silent)
         return found
 
     def service(self, name: str) -> ServiceInfo:
@@ -114,10 +134,10 @@ class Graph:
         """
         full = self.resolve(name)
         for server in self._nearest(full):
-            if full in server.services:
-                return server.services[full]
+            if full in server.every_service:
+                return server.every_service[full]
         servers, silent = self._ask_all()
-        found: ServiceInfo = self._known("service", full, all_services(servers.values()), silent)
+        found: ServiceInfo = self._known("service", full, all_services(servers.values(), _hidden(full)), silent)
         return found
 
     def resolve(self, name: str) -> str:
@@ -134,23 +154,24 @@ class Graph:
         return full
 
     def find(self, type: str) -> type[Any]:
-        """Returns the class of a ROS type such as `std_msgs/msg/String`, or that of a topic or service.
+        """Returns the class of a ROS type such as `std_msgs/msg/String`, or that of a topic, service or action.
 
         Args:
-            type: The name of a type, or the name of a topic or service (`/clock`, `~/set_pause`).
+            type: The name of a type, or the name of a topic, service or action (`/clock`, `~/set_pause`).
 
         Raises:
             WrongTypeError: There is no class for the type.
-            UnknownNameError: There is no such topic or service.
+            UnknownNameError: There is no such topic, service or action.
         """
         if not type.startswith(("/", "~")):
             return find(type)
         servers, silent = self._ask_all()
-        offered: dict[str, Any] = all_topics(servers.values()) | all_services(servers.values())
-        return find(self._known("topic or service", type, offered, silent).type)
+        every, hidden = servers.values(), _hidden(type)
+        offered: dict[str, Any] = all_topics(every, hidden) | all_services(every, hidden) | all_actions(every)
+        return find(self._known("topic, service or action", type, offered, silent).type)
 
-    def wait_for(self, name: str, timeout: float = 10.0) -> TopicInfo | ServiceInfo:
-        """Waits until a topic or a service exists.
+    def wait_for(self, name: str, timeout: float = 10.0) -> TopicInfo | ServiceInfo | ActionInfo:
+        """Waits until a topic, a service or an action exists.
 
         Args:
             name: Its name.
@@ -162,11 +183,11 @@ class Graph:
         until = time.monotonic() + bounded(timeout)
         while (found := self._there(name)) is None:
             if time.monotonic() >= until:
-                raise TimedOutError(f"neither a topic nor a service {name} appeared within {timeout:g} s")
+                raise TimedOutError(f"no topic, service or action {name} appeared within {timeout:g} s")
             time.sleep(_POLL)
         return found
 
-    def _there(self, name: str) -> TopicInfo | ServiceInfo | None:
+    def _there(self, name: str) -> TopicInfo | ServiceInfo | ActionInfo | None:
         try:
             full = self.resolve(name)
         except NoServerError:
@@ -174,7 +195,7 @@ class Graph:
             return None
         # `_everybody` logs no warnings about servers that do not answer.
         for server in (*self._nearest(full), *self._everybody()[0].values()):
-            if found := server.topics.get(full) or server.services.get(full):
+            if found := server.every_topic.get(full) or server.every_service.get(full) or server.actions.get(full):
                 return found
         return None
 
@@ -213,10 +234,11 @@ class Graph:
         """Returns topics, including the one with this name if it exists, and the servers that did not answer."""
         for server in self._nearest(full):
             # Only the publisher determines the topic's quality of service.
-            if full in server.topics and server.topics[full].publishers:
-                return server.topics, ()
+            topics = server.every_topic if _hidden(full) else server.topics
+            if full in topics and topics[full].publishers:
+                return topics, ()
         servers, silent = self._ask_all()
-        return all_topics(servers.values()), silent
+        return all_topics(servers.values(), _hidden(full)), silent
 
     def _nearest(self, full: str) -> list[ServerInfo]:
         """Returns at most `_NEAREST` servers whose name or namespace is a prefix of a full name, the longest first.
@@ -257,3 +279,8 @@ class Graph:
         if full not in offered:
             raise UnknownNameError(kind, full, offered, silent, hint)
         return offered[full]
+
+
+def _hidden(name: str) -> bool:
+    """Returns whether a name is that of a part of an action."""
+    return "/_action/" in name

@@ -339,6 +339,11 @@ class RunningServer:
                     return super().call(*args, **kwargs)
                 return serve_while(lambda: super(ServingClient, self).call(*args, **kwargs))
 
+            def send_goal(self, *args: Any, **kwargs: Any) -> Any:
+                if threading.current_thread() is not stepping_thread:
+                    return super().send_goal(*args, **kwargs)
+                return serve_while(lambda: super(ServingClient, self).send_goal(*args, **kwargs))
+
         return ServingClient
 
 

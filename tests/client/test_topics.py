@@ -192,7 +192,7 @@ def test_waits_end_in_time(client):
         assert time.monotonic() - began < TIMEOUT
     with pytest.raises(TimedOutError, match=r"no subscriber for /unheard within 0\.1 s"):
         client.publish("/unheard", String(), timeout=0.1)
-    with pytest.raises(TimedOutError, match=r"neither a topic nor a service /later appeared within 0\.1 s"):
+    with pytest.raises(TimedOutError, match=r"no topic, service or action /later appeared within 0\.1 s"):
         client.wait_for("/later", 0.1)
     assert client.wait_for("~/set_pause").type == "mujoco_ros2_control_msgs/srv/SetPause"
     assert client.wait_for("clock").name == "/clock"

@@ -187,7 +187,7 @@ def test_every_command_has_a_section_with_its_arguments_and_flags(name):
 
 def test_a_command_that_talks_to_a_server_has_the_options_for_it():
     for name, command in commands():
-        if name.split()[0] in ("topic", "service", "node", "param", "sim", "top", "teleop", "record"):
+        if name.split()[0] in ("topic", "service", "action", "node", "param", "sim", "top", "teleop", "record"):
             assert set(SHARED) <= flags_of(command), name
 
 
@@ -203,12 +203,19 @@ def test_everything_in_the_client_is_described():
     text = prose(CLIENT)
     for name in mjplug.client.__all__:
         assert re.search(rf"`{name}\b[^`]*`", text), name
-    kinds = (mjplug.client.Client, mjplug.client.Subscription, mjplug.client.Publisher, mjplug.RunningServer)
+    kinds = (
+        mjplug.client.Client,
+        mjplug.client.Subscription,
+        mjplug.client.Goal,
+        mjplug.client.Publisher,
+        mjplug.RunningServer,
+    )
     for kind in kinds:
         table = rows(section(CLIENT, kind.__name__))
         for name, expected, documented in signatures(kind, table):
             # Only the client calls it.
-            assert (kind.__name__, name) == ("Subscription", "open") or documented == expected
+            internal = (kind.__name__, name) in (("Subscription", "open"), ("Goal", "send"))
+            assert internal or documented == expected
         assert {name for name, member in inspect.getmembers(kind) if isinstance(member, property)} <= set(table)
 
 

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 from mjplug.errors import MjplugError, quoted
@@ -16,7 +17,7 @@ from mjplug_schemas.names import validate_name
 LONGEST_KEY = 65535
 """The longest key that Zenoh can send [bytes]; a longer one makes it panic."""
 
-_TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv)/[A-Za-z0-9_]+")
+_TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
 
 
 class UnreadableListError(MjplugError):
@@ -77,15 +78,39 @@ class ServiceInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class ActionInfo:
+    """An action.
+
+    Attributes:
+        name: Its full name, such as `/arm_controller/follow_joint_trajectory`.
+        type: The name of its type.
+        hash: The RIHS01 hash of the type.
+        key: Its Zenoh key, where a goal can be sent with one query.
+        server: The server that offers it.
+        topics: Its topics `feedback` and `status`, by full name.
+        services: Its services `send_goal`, `cancel_goal` and `get_result`, by full name.
+    """
+
+    name: str
+    type: str
+    hash: str
+    key: str
+    server: str
+    topics: dict[str, TopicInfo]
+    services: dict[str, ServiceInfo]
+
+
+@dataclass(frozen=True, slots=True)
 class ServerInfo:
-    """A server with its topics and services.
+    """A server with its topics, services and actions.
 
     Attributes:
         name: Its full name, such as `/mjplug`.
         version: Its version of mjplug.
         endpoint: The endpoint for clients on its machine.
-        topics: Its topics by name.
-        services: Its services by name.
+        topics: Its topics by name, without those of actions.
+        services: Its services by name, without those of actions.
+        actions: Its actions by name.
     """
 
     name: str
@@ -93,6 +118,18 @@ class ServerInfo:
     endpoint: str
     topics: dict[str, TopicInfo]
     services: dict[str, ServiceInfo]
+    actions: dict[str, ActionInfo]
+
+    @property
+    def every_topic(self) -> dict[str, TopicInfo]:
+        """The topics by name, with those of actions."""
+        return self.topics | {name: topic for action in self.actions.values() for name, topic in action.topics.items()}
+
+    @property
+    def every_service(self) -> dict[str, ServiceInfo]:
+        """The services by name, with those of actions."""
+        hidden = (action.services.items() for action in self.actions.values())
+        return self.services | dict(chain.from_iterable(hidden))
 
 
 def read(name: str, answer: bytes) -> ServerInfo:
@@ -114,7 +151,9 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(answer)
         if content["name"] != name:
             raise ValueError(f"the name in it is {quoted(str(content['name']))}")
-        for entry in (*content["topics"], *content["services"]):
+        actions = content.get("actions", ())
+        parts = (entry for action in actions for entry in (*action["topics"], *action["services"]))
+        for entry in (*content["topics"], *content["services"], *actions, *parts):
             validate_name(entry["name"])
             if not _TYPE.fullmatch(entry["type"]):
                 raise ValueError(f"{quoted(entry['type'])} is not the name of a type")
@@ -131,8 +170,20 @@ def checked(name: str, answer: bytes) -> dict[str, Any]:
 def parse(values: dict[str, Any]) -> ServerInfo:
     """Returns the server that a valid list describes."""
     name = values["name"]
+    return ServerInfo(
+        name,
+        values["version"],
+        values["endpoint"],
+        _topics(values["topics"], name),
+        _services(values["services"], name),
+        # Servers of earlier versions have no actions.
+        {entry["name"]: _action(entry, name) for entry in values.get("actions", ())},
+    )
+
+
+def _topics(entries: Iterable[dict[str, Any]], server: str) -> dict[str, TopicInfo]:
     topics: dict[str, TopicInfo] = {}
-    for entry in values["topics"]:
+    for entry in entries:
         qos = entry["qos"]
         topic = TopicInfo(
             name=entry["name"],
@@ -143,30 +194,42 @@ def parse(values: dict[str, Any]) -> ServerInfo:
             reliability=qos["reliability"],
             durability=qos["durability"],
             depth=qos["depth"],
-            publishers=(name,) if entry["direction"] == "published" else (),
-            subscribers=(name,) if entry["direction"] == "subscribed" else (),
+            publishers=(server,) if entry["direction"] == "published" else (),
+            subscribers=(server,) if entry["direction"] == "subscribed" else (),
         )
         topics[topic.name] = _joined(topics.get(topic.name), topic)
-    services = (
-        ServiceInfo(**{f: e[f] for f in ("name", "type", "hash", "key")}, server=name) for e in values["services"]
-    )
-    return ServerInfo(
-        name, values["version"], values["endpoint"], topics, {service.name: service for service in services}
-    )
+    return topics
 
 
-def all_topics(servers: Iterable[ServerInfo]) -> dict[str, TopicInfo]:
-    """Returns the topics of several servers by name, in alphabetical order."""
+def _services(entries: Iterable[dict[str, Any]], server: str) -> dict[str, ServiceInfo]:
+    services = (ServiceInfo(**{f: e[f] for f in ("name", "type", "hash", "key")}, server=server) for e in entries)
+    return {service.name: service for service in services}
+
+
+def _action(entry: dict[str, Any], server: str) -> ActionInfo:
+    own = {field: entry[field] for field in ("name", "type", "hash", "key")}
+    topics, services = _topics(entry["topics"], server), _services(entry["services"], server)
+    return ActionInfo(**own, server=server, topics=topics, services=services)
+
+
+def all_topics(servers: Iterable[ServerInfo], hidden: bool = False) -> dict[str, TopicInfo]:
+    """Returns the topics of several servers by name, in alphabetical order; with `hidden`, those of actions too."""
     found: dict[str, TopicInfo] = {}
     for server in servers:
-        for name, topic in server.topics.items():
+        for name, topic in (server.every_topic if hidden else server.topics).items():
             found[name] = _joined(found.get(name), topic)
     return dict(sorted(found.items()))
 
 
-def all_services(servers: Iterable[ServerInfo]) -> dict[str, ServiceInfo]:
-    """Returns the services of several servers by name, in alphabetical order."""
-    return dict(sorted((name, service) for server in servers for name, service in server.services.items()))
+def all_services(servers: Iterable[ServerInfo], hidden: bool = False) -> dict[str, ServiceInfo]:
+    """Returns the services of several servers by name, in alphabetical order; with `hidden`, those of actions too."""
+    offered = (server.every_service if hidden else server.services for server in servers)
+    return dict(sorted((name, service) for services in offered for name, service in services.items()))
+
+
+def all_actions(servers: Iterable[ServerInfo]) -> dict[str, ActionInfo]:
+    """Returns the actions of several servers by name, in alphabetical order."""
+    return dict(sorted((name, action) for server in servers for name, action in server.actions.items()))
 
 
 def _joined(first: TopicInfo | None, second: TopicInfo) -> TopicInfo:

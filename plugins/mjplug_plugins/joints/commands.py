@@ -11,7 +11,7 @@ from mjplug_plugins.joints.follow_joint_trajectory import FollowJointTrajectoryA
 from mjplug_plugins.joints.grippers import GripperAction
 from mjplug_plugins.joints.joint_state_commands import Command, JointStateCommands, commands_for
 from mjplug_plugins.joints.outputs import Drive
-from mjplug_plugins.joints.parameters import Group, JointCommandsParameters, PidGains
+from mjplug_plugins.joints.parameters import Constraints, Group, JointCommandsParameters, PidGains
 from mjplug_plugins.joints.pid import PidBank
 from mjplug_plugins.joints.trajectories import Trajectories
 from mjplug_plugins.joints.transmission import Interface
@@ -57,7 +57,7 @@ class JointCommands(Plugin[JointCommandsParameters]):
         self._subscribe(
             JointTrajectory, parameters.trajectory_topic, self._trajectories.start, self._trajectories.checked
         )
-        name, constraints = parameters.trajectory_action, parameters.constraints
+        name, constraints = parameters.trajectory_action, parameters.constraints or Constraints()
         for joint in (*constraints.trajectory, *constraints.goal):
             self._joints.find(joint)
         FollowJointTrajectoryAction(host, name, self._trajectories, constraints, self._wake)

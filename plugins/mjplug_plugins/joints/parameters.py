@@ -146,8 +146,8 @@ class JointCommandsParameters(Parameters):
     trajectory_action: str = Field(
         default="follow_joint_trajectory", description="Name of the FollowJointTrajectory action."
     )
-    constraints: Constraints = Field(
-        default=Constraints(), description="Tolerances of FollowJointTrajectory where a goal contains none."
+    constraints: Constraints | None = Field(
+        default=None, description="Tolerances of FollowJointTrajectory where a goal contains none."
     )
     grippers: dict[str, Gripper] = Field(
         default={}, description="Actions for grippers: `joint`, `type` and so on of each, by name."
