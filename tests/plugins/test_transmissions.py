@@ -9,6 +9,7 @@ from mjplug.errors import MjplugError
 from mjplug.testing import World
 from mjplug_plugins.joints import JointCommands, JointStatePublisher
 from mjplug_schemas.builtin_interfaces import Duration
+from mjplug_schemas.control_msgs_action import FollowJointTrajectory
 from mjplug_schemas.sensor_msgs import JointState
 from mjplug_schemas.std_msgs import Float64MultiArray
 from mjplug_schemas.trajectory_msgs import JointTrajectory, JointTrajectoryPoint
@@ -431,3 +432,27 @@ def test_gains_for_one_of_two_coupled_actuators_stop_the_start(caplog):
         world_of(PLAIN, robot("motor"), pid_gains=one)
     world_of(PLAIN, robot("position"), pid_gains=one)
     assert "the position gains of actuator1 are not used" in caplog.text
+
+
+def test_a_command_for_one_side_ends_a_goal_of_the_other():
+    world = world_of(PLAIN, robot())
+    goal = world.send_goal(
+        "/arm/follow_joint_trajectory", FollowJointTrajectory.Goal(trajectory=trajectory(ACTUATORS, [0.8, 0.4]))
+    )
+    world.loop.step(100)
+    command(world, ["joint1"], position=[0.3])
+    assert goal.result.error_string == "the goal was replaced by another command for joint joint1"
+    held = world.data.ctrl[:2].copy()
+    world.loop.step(600)
+    assert world.data.ctrl[:2].tolist() == held.tolist()
+
+
+def test_a_goal_of_derived_coordinates_is_reached():
+    world = world_of(PLAIN, robot())
+    goal = world.send_goal(
+        "/arm/follow_joint_trajectory", FollowJointTrajectory.Goal(trajectory=trajectory(ACTUATORS, [0.8, -0.4]))
+    )
+    while not goal.ended:
+        world.step(1)
+    assert goal.result.error_code == 0
+    assert world.data.qpos[:2] == pytest.approx(joints_of(PLAIN, (0.8, -0.4), "position"), abs=0.02)

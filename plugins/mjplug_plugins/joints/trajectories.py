@@ -99,11 +99,17 @@ class Trajectories:
         return track
 
     def drop(self, drive: Drive) -> None:
-        """Removes a joint, which gets another command, from its trajectory; ends the goal of the trajectory."""
+        """Removes a joint, which gets another command, and the other side of its transmission, from its trajectory.
+
+        This ends the goal of the trajectory.
+        """
         if not self.running:
             return
         for track in self._tracks:
-            if track.drives.pop(drive, None) is not None and track.tolerances is not None:
+            count = len(track.drives)
+            for moved in (drive, *drive.others):
+                track.drives.pop(moved, None)
+            if len(track.drives) < count and track.tolerances is not None:
                 reason = f"the goal was replaced by another command for joint {drive.joint.name}"
                 self.hold(track, Result(error_code=Result.INVALID_GOAL, error_string=reason))
         self._remove_finished()
