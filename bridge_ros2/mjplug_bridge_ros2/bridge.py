@@ -1,20 +1,21 @@
-"""Maps the topics and services of the servers while they exist. All code here runs on the executor's thread."""
+"""Maps topics, services and actions of the servers while they exist. All code here runs on the executor's thread."""
 
 from typing import Any
 
 import zenoh
 from rclpy.clock import Clock, ClockType
 
+from mjplug_bridge_ros2.actions import ActionRelay
 from mjplug_bridge_ros2.errors import TypeRefused
 from mjplug_bridge_ros2.handover import Handover
-from mjplug_bridge_ros2.listing import Entry, ServiceEntry, TopicEntry
+from mjplug_bridge_ros2.listing import ActionEntry, Entry, ServiceEntry, TopicEntry
 from mjplug_bridge_ros2.ros_types import find_type
 from mjplug_bridge_ros2.servers import Server, Watch
 from mjplug_bridge_ros2.services import ServiceRelay
 from mjplug_bridge_ros2.settings import Settings
 from mjplug_bridge_ros2.topics import ToRos, ToServer
 
-Relay = ToRos | ToServer | ServiceRelay
+Relay = ToRos | ToServer | ServiceRelay | ActionRelay
 
 _POLL_INTERVAL = 0.2
 """Interval for counting the ROS subscribers of topics [s]."""
@@ -34,7 +35,7 @@ class Mapping:
 
 
 class Bridge:
-    """Maps all servers on a Zenoh network, or one of them, to topics and services of one ROS node.
+    """Maps all servers on a Zenoh network, or one of them, to topics, services and actions of one ROS node.
 
     Args:
         node: The ROS node.
@@ -102,8 +103,10 @@ class Bridge:
         if added:
             relays = mapping.relays.values()
             services = sum(isinstance(relay, ServiceRelay) for relay in relays)
-            mapped = len(relays) - sum(relay is None for relay in relays)
-            self._logger.info(f"{name}: {mapped - services} topics and {services} services are mapped")
+            actions = sum(isinstance(relay, ActionRelay) for relay in relays)
+            topics = len(relays) - sum(relay is None for relay in relays) - services - actions
+            counts = [f"{topics} topics", f"{services} services", *([f"{actions} actions"] if actions else [])]
+            self._logger.info(f"{name}: {', '.join(counts[:-1])} and {counts[-1]} are mapped")
 
     def _map(self, entry: Entry) -> Relay | None:
         """Returns the relay of an entry; None, with a warning in the log, if the entry cannot be mapped."""
@@ -114,7 +117,7 @@ class Bridge:
         try:
             if owned in self._owners:
                 raise TypeRefused(_clash(name, entry, self._owners[owned]))
-            relay = self._relay(entry, name, find_type(entry.type, entry.hash))
+            relay = self._relay(entry, name)
         except TypeRefused as refusal:
             self._warn(f"{name} ({entry.type}) is not mapped", str(refusal))
             return None
@@ -125,9 +128,12 @@ class Bridge:
         self._owners[owned] = entry
         return relay
 
-    def _relay(self, entry: Entry, name: str, ros_type: Any) -> Relay:
+    def _relay(self, entry: Entry, name: str) -> Relay:
+        timeout = self._settings.service_timeout
+        if isinstance(entry, ActionEntry):
+            return ActionRelay(self._node, self._handover, self._session, entry, name, timeout)
+        ros_type = find_type(entry.type, entry.hash)
         if isinstance(entry, ServiceEntry):
-            timeout = self._settings.service_timeout
             return ServiceRelay(self._node, self._handover, self._session, entry, name, ros_type, timeout)
         direction = ToRos if entry.published else ToServer
         return direction(self._node, self._session, entry, name, ros_type)
@@ -164,12 +170,16 @@ class Bridge:
 
 
 def _kind(entry: Entry) -> str:
+    if isinstance(entry, ActionEntry):
+        return "action"
     return "service" if isinstance(entry, ServiceEntry) else "topic"
 
 
 def _clash(name: str, entry: Entry, owner: Entry) -> str:
     if entry.name != owner.name:
         return f"{owner.name} already has the ROS name {name}; `remap` one of them"
-    if isinstance(entry, ServiceEntry) or (isinstance(owner, TopicEntry) and entry.published == owner.published):
+    if isinstance(entry, ServiceEntry | ActionEntry) or (
+        isinstance(owner, TopicEntry) and entry.published == owner.published
+    ):
         return "another server uses the same name; it is mapped when that server stops"
     return "it is already mapped in the other direction, and its messages would return to their sender"

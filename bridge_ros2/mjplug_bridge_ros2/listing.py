@@ -63,11 +63,28 @@ class ServiceEntry:
     hash: str
 
 
-Entry = TopicEntry | ServiceEntry
+@dataclass(frozen=True)
+class ActionEntry:
+    """An action of the server.
+
+    Attributes:
+        name: Full ROS name.
+        type: ROS type name, such as `control_msgs/action/GripperCommand`.
+        topics: Its topics, which the server publishes.
+        services: Its services.
+    """
+
+    name: str
+    type: str
+    topics: "tuple[TopicEntry, ...]"
+    services: "tuple[ServiceEntry, ...]"
+
+
+Entry = TopicEntry | ServiceEntry | ActionEntry
 
 
 def read_listing(payload: bytes) -> "list[Entry]":
-    """Returns the topics and services: `/clock` first, then the other published topics.
+    """Returns the topics, services and actions: `/clock` first, then the other published topics.
 
     Unknown fields of a newer server are ignored.
 
@@ -78,10 +95,12 @@ def read_listing(payload: bytes) -> "list[Entry]":
         data = json.loads(payload)
         topics = [_topic(topic) for topic in data["topics"]]
         services = [ServiceEntry(**_common(service)) for service in data["services"]]
+        # Servers of earlier versions list no actions.
+        actions = [_action(action) for action in data.get("actions", ())]
     except (ValueError, KeyError, TypeError) as error:
         raise ListingError(f"the list of interfaces cannot be read: {error!r}") from error
     topics.sort(key=lambda topic: (topic.name != "/clock", not topic.published))
-    return [*topics, *services]
+    return [*topics, *services, *actions]
 
 
 def _topic(data: "dict[str, Any]") -> TopicEntry:
@@ -95,6 +114,12 @@ def _topic(data: "dict[str, Any]") -> TopicEntry:
             latched=_one_of(qos["durability"], _DURABILITIES) == "transient_local",
         ),
     )
+
+
+def _action(data: "dict[str, Any]") -> ActionEntry:
+    topics = tuple(_topic(topic) for topic in data["topics"])
+    services = tuple(ServiceEntry(**_common(service)) for service in data["services"])
+    return ActionEntry(str(data["name"]), str(data["type"]), topics, services)
 
 
 def _common(data: "dict[str, Any]") -> "dict[str, str]":

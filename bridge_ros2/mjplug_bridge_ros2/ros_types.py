@@ -12,11 +12,17 @@ from typing import Any
 
 from mjplug_bridge_ros2.errors import TypeRefused
 
-_TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?P<kind>msg|srv)/(?P<name>[A-Z][A-Za-z0-9]*)")
+_TYPE = re.compile(
+    r"(?P<package>[a-z][a-z0-9_]*)/(?P<kind>msg|srv|action)/(?P<name>[A-Z][A-Za-z0-9]*)"
+    r"(?:_(?P<part>SendGoal|GetResult|FeedbackMessage))?"
+)
+
+_PARTS = {"SendGoal": "SendGoalService", "GetResult": "GetResultService", "FeedbackMessage": "FeedbackMessage"}
+"""Names of the classes of derived types, in the class `Impl` of an action."""
 
 
 def find_type(type_name: str, type_hash: str) -> Any:
-    """Returns the class of a message or service, if its definition is the same as in the server.
+    """Returns the class of a message, service, or derived type of an action, if the server has the same definition.
 
     Args:
         type_name: ROS type name, such as `std_msgs/msg/String`.
@@ -37,14 +43,14 @@ def find_type(type_name: str, type_hash: str) -> Any:
 
 
 def import_type(type_name: str) -> Any:
-    """Returns the class of a message or service.
+    """Returns the class of a message, a service, or a derived type of an action, such as `…/GripperCommand_SendGoal`.
 
     Raises:
         TypeRefused: The type is not installed.
     """
     match = _TYPE.fullmatch(type_name)
-    if match is None:
-        raise TypeRefused(f"{type_name!r} is not the name of a ROS message or service")
+    if match is None or (match["part"] is not None) != (match["kind"] == "action"):
+        raise TypeRefused(f"{type_name!r} is not the name of a ROS message, service or part of an action")
     package, kind, name = match["package"], match["kind"], match["name"]
     ros_type = getattr(_import(package, kind), name, None)
     if ros_type is None:
@@ -52,7 +58,7 @@ def import_type(type_name: str) -> Any:
             f"the installed {package} has no {kind}/{name}; its version differs from the server's: "
             f"try `sudo apt update && sudo apt install {_apt(package)}`"
         )
-    return ros_type
+    return ros_type if match["part"] is None else getattr(ros_type.Impl, _PARTS[match["part"]])
 
 
 def _import(package: str, kind: str) -> Any:
@@ -75,9 +81,11 @@ def _apt(package: str) -> str:
 
 def _installed_hash(type_name: str) -> str | None:
     """Returns the hash that rosidl installed with the definition; None in ROS distributions before Iron."""
+    # The file of an action contains the hashes of its derived types too.
+    file_name = type_name.partition("_SendGoal")[0].partition("_GetResult")[0].partition("_FeedbackMessage")[0]
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         try:
-            description = json.loads(Path(prefix, "share", f"{type_name}.json").read_text(encoding="utf-8"))
+            description = json.loads(Path(prefix, "share", f"{file_name}.json").read_text(encoding="utf-8"))
         except FileNotFoundError:
             continue
         return next(

@@ -24,9 +24,18 @@ def install(prefix, without=(), hashes=True):
         (folder / f"{name}.{kind}").write_text(definition(interface), encoding="utf-8")
         if hashes:
             write_hash(prefix, interface.TYPE, type_hash(interface))
+            if kind == "action":
+                write_hashes(prefix, interface)
 
 
 def write_hash(prefix, type_name, hash):
     """Writes the hash of a type into its file, as rosidl_generator_type_description does."""
     told = {"type_hashes": [{"type_name": type_name, "hash_string": hash}]}
     (prefix / "share" / f"{type_name}.json").write_text(json.dumps(told), encoding="utf-8")
+
+
+def write_hashes(prefix, action):
+    """Writes the hashes of an action and its derived types into its file."""
+    types = {action.TYPE: action} | action.derived()
+    told = {"type_hashes": [{"type_name": name, "hash_string": type_hash(part)} for name, part in types.items()]}
+    (prefix / "share" / f"{action.TYPE}.json").write_text(json.dumps(told), encoding="utf-8")

@@ -49,9 +49,11 @@ def test_an_older_package_may_lack_a_type(ros_types, opt):
     assert "the installed old_msgs has no srv/SetPause" in refusal(ros_types, "old_msgs/srv/SetPause")
 
 
-@pytest.mark.parametrize("name", ["os/path/Join", "std_msgs/String", "std_msgs/msg/../x", "os.path/msg/X", ""])
+@pytest.mark.parametrize(
+    "name", ["os/path/Join", "std_msgs/String", "std_msgs/msg/../x", "os.path/msg/X", "a_msgs/action/X", ""]
+)
 def test_what_is_no_type_name_is_not_even_imported(ros_types, name):
-    assert "is not the name of a ROS message or service" in refusal(ros_types, name)
+    assert "is not the name of a ROS message, service or part of an action" in refusal(ros_types, name)
 
 
 def test_a_definition_with_another_hash_is_refused(ros_types, opt):

@@ -1,4 +1,4 @@
-"""Message packages, made of the definitions in `$AMENT_PREFIX_PATH/share/<package>/{msg,srv}`, as they are imported."""
+"""Message packages, made as they are imported, of definitions in `$AMENT_PREFIX_PATH/share/<package>/<kind>`."""
 
 import importlib.abc
 import importlib.machinery
@@ -108,6 +108,36 @@ def _message(type_name, text):
     return type(name, (Interface,), {"TYPE": type_name, "FIELDS": tuple(fields), **constants})
 
 
+def _action(type_name, text):
+    """The class of an action, with the derived types where rosidl puts them."""
+    name = type_name.rpartition("/")[2]
+    bodies = re.split(r"^---$", text, flags=re.MULTILINE)
+    parts = {
+        part: _message(f"{type_name}_{part}", body)
+        for part, body in zip(("Goal", "Result", "Feedback"), bodies, strict=True)
+    }
+    goal_id = Field("goal_id", find("unique_identifier_msgs/msg/UUID"), None, None)
+
+    def message(part, *fields):
+        return type(f"{name}_{part}", (Interface,), {"TYPE": f"{type_name}_{part}", "FIELDS": fields})
+
+    def service(part, request, response):
+        members = {"Request": message(f"{part}_Request", *request), "Response": message(f"{part}_Response", *response)}
+        return type(f"{name}_{part}", (), {"TYPE": f"{type_name}_{part}", **members})
+
+    stamp = Field("stamp", find("builtin_interfaces/msg/Time"), None, None)
+    accepted = (Field("accepted", "bool", None, None), stamp)
+    ended = (Field("status", "int8", None, None), Field("result", parts["Result"], None, None))
+    members = {
+        "SendGoalService": service("SendGoal", (goal_id, Field("goal", parts["Goal"], None, None)), accepted),
+        "GetResultService": service("GetResult", (goal_id,), ended),
+        "FeedbackMessage": message("FeedbackMessage", goal_id, Field("feedback", parts["Feedback"], None, None)),
+        "CancelGoalService": find("action_msgs/srv/CancelGoal"),
+        "GoalStatusMessage": find("action_msgs/msg/GoalStatusArray"),
+    }
+    return type(name, (), {"TYPE": type_name, "Impl": type("Impl", (), members), **parts})
+
+
 def _base(text, user):
     if text in NUMBERS or text == "string":
         return text
@@ -138,7 +168,7 @@ class _Loader(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def find_spec(self, fullname, path, target=None):
         package, _, kind = fullname.partition(".")
         shares = _shares(package)
-        if not shares or kind not in ("", "msg", "srv") or (kind and not (shares[0] / kind).is_dir()):
+        if not shares or kind not in ("", "msg", "srv", "action") or (kind and not (shares[0] / kind).is_dir()):
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=not kind)
 
@@ -158,6 +188,8 @@ def _load(module, path, type_name):
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".msg":
         made = _message(type_name, text)
+    elif path.suffix == ".action":
+        made = _action(type_name, text)
     else:
         request, response = (_message(f"{type_name}_{part}", body) for part, body in zip(
             ("Request", "Response"), re.split(r"^---$", text, flags=re.MULTILINE), strict=True))  # fmt: skip
