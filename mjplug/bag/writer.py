@@ -292,7 +292,7 @@ class BagWriter:
             try:
                 file.mcap.add_metadata(END_RECORD, file.result | ({"cut": "the disk was full"} if cut else {}))
                 info = file.info()
-                topics = [topic for topic in self._topics.values() if topic.name in file.channels]
+                topics = [topic for topic in tuple(self._topics.values()) if topic.name in file.channels]
                 text = metadata_text(topics, [info], self._custom)
                 file.mcap.add_metadata("rosbag2", {"serialized_metadata": text})
                 file.mcap.finish()

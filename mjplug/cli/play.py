@@ -136,7 +136,8 @@ def play(
 
 
 def _say_end(player: "Player", ended: bool) -> None:
-    say(f"played {player.played} messages{'' if ended else '; stopped before the end'}")
+    messages = "message" if player.played == 1 else "messages"
+    say(f"played {player.played} {messages}{'' if ended else '; stopped before the end'}")
     if player.pace.delays:
         complain(f"warning: {player.pace.delays} times, messages were late by more than 0.2 s")
 

@@ -42,7 +42,7 @@ def answer() -> bool:
     _join_words()
     shell = os.environ.get(VARIABLE, "").removeprefix("complete_")
     words = typed_words(shell)
-    if words is not None and words[:1] == ["teleop"]:
+    if words is not None and words[:1] in (["teleop"], ["record"]):
         words = ["topic", "pub", *words[1:]]
     if words is None or len(words) != 3 or words[2].startswith("-"):
         return False

@@ -15,7 +15,7 @@ class Lives:
 
     Attributes:
         server_of: Returns the name of the server whose publishers have a host id; empty if there is none.
-        current: The present host and epoch of each server, by its name, or by its host id if it has none.
+        current: The present host and epoch of each server, by its name.
     """
 
     server_of: Callable[[bytes], str]
@@ -32,21 +32,23 @@ class Lives:
         if origin is None or origin.epoch is None:
             return "", False
         server = self.server_of(origin.host)
-        key = server or origin.host.hex()
-        before = self.current.get(key)
+        if not server:
+            # Any program can send any epoch, and a new file for each would fill the disk with files.
+            return "", False
+        before = self.current.get(server)
         if before is None or before == (origin.host, origin.epoch):
-            self.current[key] = (origin.host, origin.epoch)
+            self.current[server] = (origin.host, origin.epoch)
             return "", False
         if origin.host in self._ended:
             return "", True
         if before[0] != origin.host:
             self._ended.add(before[0])
-            self.current[key] = (origin.host, origin.epoch)
+            self.current[server] = (origin.host, origin.epoch)
             return f"{server} was started again", False
         if origin.epoch < before[1]:
             return "", True
-        self.current[key] = (origin.host, origin.epoch)
-        return f"{server or 'a server'} was reset, or a state was restored (epoch {origin.epoch})", False
+        self.current[server] = (origin.host, origin.epoch)
+        return f"{server} was reset, or a state was restored (epoch {origin.epoch})", False
 
     @property
     def text(self) -> str:

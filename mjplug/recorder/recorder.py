@@ -177,7 +177,8 @@ class Recorder:
 
     def summary(self) -> dict[str, str]:
         """Returns what was lost, for the metadata record of the last file."""
-        wanted = {name: topic for name, topic in self.topics.items() if topic.wanted}
+        # Copied, because another thread adds topics.
+        wanted = {name: topic for name, topic in tuple(self.topics.items()) if topic.wanted}
         return {
             "lost": counts_text({name: topic.gaps.lost for name, topic in wanted.items()}),
             "dropped": counts_text({name: topic.dropped for name, topic in wanted.items()}),
@@ -190,7 +191,7 @@ class Recorder:
 
     def total(self, what: Literal["written", "dropped", "unreadable", "lost"]) -> int:
         """Returns a number over all topics."""
-        topics = [topic for topic in self.topics.values() if topic.wanted]
+        topics = [topic for topic in tuple(self.topics.values()) if topic.wanted]
         if what == "lost":
             return sum(topic.gaps.lost for topic in topics)
         return sum(int(getattr(topic, what)) for topic in topics)
@@ -260,7 +261,8 @@ class Recorder:
 
     def _times(self, arrival: _Arrival, origin: Origin | None) -> tuple[int, int]:
         """Returns log time and publish time of a message [ns]."""
-        sent = arrival.wall_ns if origin is None else origin.source_timestamp
+        # Any program can send an attachment with a negative time, which a bag cannot contain.
+        sent = arrival.wall_ns if origin is None else max(0, origin.source_timestamp)
         if self._clock == "wall":
             return arrival.wall_ns, sent
         # The history of a latched topic may be from long before; in the bag it is at the beginning.

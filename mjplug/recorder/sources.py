@@ -12,16 +12,23 @@ import zenoh
 from mjplug.bag.definitions import text_of
 from mjplug.bag.errors import BagError
 from mjplug.bag.topics import BagTopic
-from mjplug.contracts.transport import QoS
+from mjplug.contracts.transport import DEFAULT, QoS
 from mjplug.wire.discovery import questions
 from mjplug.wire.discovery.announced import INTERFACES, TOKENS, NoAnswerError
 from mjplug.wire.discovery.format import UnreadableListError
-from mjplug_schemas.names import key
+from mjplug_schemas.errors import NameRuleError
+from mjplug_schemas.names import key, validate_name
 
 _log = logging.getLogger(__name__)
 
 _SETTLING = 0.1
 """Pause before servers are asked, because a server that starts changes its list many times [s]."""
+
+_MAX_SERVERS = 1000
+"""Maximum number of servers that are asked; any program can announce any number of them."""
+
+_MAX_DEPTH = 10_000
+"""Maximum number of messages that are requested from the history of a topic."""
 
 _AGAIN = 2.0
 """Time after which a server that did not answer is asked again [s]."""
@@ -88,17 +95,20 @@ class Sources:
     def _token(self, sample: zenoh.Sample) -> None:
         _, *middle, zid = str(sample.key_expr).split("/")
         name = f"/{'/'.join(middle)}"
-        if sample.kind == zenoh.SampleKind.PUT and middle:
-            with self._lock:
-                # Kept after the end of the server, whose last messages may arrive later.
-                self._hosts[xxhash.xxh3_64_digest(f"{zid}{name}".encode())] = name
-                self._dirty.add(name)
-            self._wake.set()
+        if sample.kind != zenoh.SampleKind.PUT or len(self._hosts) >= _MAX_SERVERS or not _valid(name):
+            return
+        with self._lock:
+            # Kept after the end of the server, whose last messages may arrive later.
+            self._hosts[xxhash.xxh3_64_digest(f"{zid}{name}".encode())] = name
+            self._dirty.add(name)
+        self._wake.set()
 
     def _changed(self, sample: zenoh.Sample) -> None:
+        name = "/" + str(sample.key_expr).removesuffix(f"/{INTERFACES}")
         with self._lock:
-            self._dirty.add("/" + str(sample.key_expr).removesuffix(f"/{INTERFACES}"))
-        self._wake.set()
+            if name in self._hosts.values():
+                self._dirty.add(name)
+                self._wake.set()
 
     def _run(self) -> None:
         timeout: float | None = _SETTLING
@@ -138,16 +148,27 @@ class Sources:
                 self._reported.add((server, entry["name"]))
                 _log.warning("topic %s of %s cannot be recorded: %s", entry["name"], server, error)
             return
-        qos = entry["qos"]
-        topic = BagTopic(
-            entry["name"],
-            entry["type"],
-            text,
-            str(entry.get("hash", "")),
-            QoS(int(qos["depth"]), qos["reliability"], qos["durability"]),
-        )
+        topic = BagTopic(entry["name"], entry["type"], text, str(entry.get("hash", "")), _qos(entry["qos"]))
         keys = [key(entry["name"])]
         if not published:
             # Other programs may publish commands in any of the forms that the server accepts.
             keys += [entry[field] for field in ("json_key", "ros2_key") if isinstance(entry.get(field), str)]
         self._found(Source(topic, tuple(dict.fromkeys(keys)), published))
+
+
+def _qos(values: Any) -> QoS:
+    """Returns the quality of service in a list; any program can send one, so that unknown values become the default."""
+    depth = values.get("depth")
+    return QoS(
+        depth if isinstance(depth, int) and 0 < depth <= _MAX_DEPTH else DEFAULT.depth,
+        "best_effort" if values.get("reliability") == "best_effort" else "reliable",
+        "transient_local" if values.get("durability") == "transient_local" else "volatile",
+    )
+
+
+def _valid(name: str) -> bool:
+    try:
+        validate_name(name)
+    except NameRuleError:
+        return False
+    return True

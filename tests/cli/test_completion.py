@@ -166,8 +166,8 @@ def test_what_is_answered_quickly_are_all_commands_that_take_such_a_name(group, 
     assert quick_completion.COMMANDS[group][1] == taking
 
 
-QUESTIONS = ("topic echo /cl", "service call /mjplug/set_p", "topic info /nope", "teleop /cl")
-ANSWERED = ("topic echo /cl", "teleop /cl")
+QUESTIONS = ("topic echo /cl", "service call /mjplug/set_p", "topic info /nope", "teleop /cl", "record /cl")
+ANSWERED = ("topic echo /cl", "teleop /cl", "record /cl")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "fish is-args"])

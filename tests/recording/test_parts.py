@@ -63,7 +63,8 @@ def test_lives_of_servers():
     # The last messages of the process before.
     assert seen(one, 4) == ("", True)
     assert seen(two, 0) == ("", False)
-    assert seen(other, 8)[0] == "a server was reset, or a state was restored (epoch 8)"
+    # A program that is no server, and may send anything.
+    assert seen(other, 8) == ("", False)
 
 
 @pytest.mark.parametrize("qos", [DEFAULT, CLOCK, LATCHED])
