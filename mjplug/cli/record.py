@@ -27,6 +27,10 @@ _REPORT_AFTER = 2.0
 _TIME_TIMEOUT = 2.0
 """How long to wait for simulated time at the start [s]."""
 
+_SWITCH_INTERVAL = 5e-4
+"""Time after which Python gives the interpreter to a thread that waits [s]: Zenoh's thread, which must take messages
+before the link is full. Python's default of 5 ms is a third of the time between two images at 60 Hz."""
+
 _PROGRESS_INTERVAL = 1.0
 """Interval of the progress line [s]."""
 
@@ -108,6 +112,7 @@ def record(
     folder = output or Path(time.strftime("mjplug_%Y_%m_%d-%H_%M_%S"))
     limits = Limits(max_bag_size, round(max_bag_duration * 1e9))
     bag = BagWriter(folder, compression, limits, {"clock": clock})
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     with EndingSignals() as signals:
         recorder = Recorder(client.session, bag, selection, clock, max_cache_size, _notice)
         recorder.paused = start_paused

@@ -81,7 +81,8 @@ def test_ctrl_c_completes_the_bag_and_what_never_came_is_named(start, tmp_path):
     named = recorder.err.wait_for("no server has the topic", TIMEOUT).string
     # A busy server may answer too late to suggest a name.
     assert re.fullmatch(
-        r"warning: no server has the topic /joint_state(, did you mean '/joint_states'\?)?; it is recorded if one appears\n",
+        r"warning: no server has the topic /joint_state(, did you mean '/joint_states'\?)?; "
+        r"it is recorded if one appears\n",
         named,
     )
     grown(tmp_path / "bag" / "bag_0.mcap", 2000)
