@@ -2,8 +2,12 @@
 
 from mjplug import __version__
 from mjplug.config.standard_settings import StandardSettings
+from mjplug.model.library import Library
+from mjplug.model.recipe import Source
 from mjplug.services import clock
+from mjplug.services.standard import model_changed
 from mjplug.services.standard import service as standard_service
+from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.states.keeper import Keeper
 from mjplug.services.stepping.ownership import Ownership
 from mjplug.testing import World
@@ -38,19 +42,63 @@ SCENE = """
 """
 
 
+CUP = """
+<mujoco model="cup">
+  <worldbody>
+    <body name="body"><freejoint name="free"/><geom name="wall" type="cylinder" size=".04 .05" mass=".2"/></body>
+  </worldbody>
+</mujoco>
+"""
+"""A free body."""
+
+DOOR = """
+<mujoco model="door">
+  <worldbody>
+    <geom name="post" type="box" size=".05 .05 1"/>
+    <body name="leaf"><joint name="hinge" axis="0 0 1"/><geom type="box" size=".4 .02 1" pos=".4 0 0" mass="3"/></body>
+  </worldbody>
+  <actuator><position name="opener" joint="hinge" kp="10"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor>
+</mujoco>
+"""
+"""Something that is fixed, with a joint, an actuator and a sensor."""
+
+
 class StandardWorld(World):
     """A world whose standard services a test calls by their types."""
 
-    def __init__(self, model=SCENE, paused=True, **settings):
+    def __init__(self, model=SCENE, paused=True, folders=(), **settings):
         super().__init__(model, paused=paused)
         self.mjplug = self.host("mjplug")
         self.ownership = Ownership("mjplug/@step")
         keeper = Keeper(self.loop, 0, __version__)
         clock.offer(self.mjplug, self.loop, 100.0)
         world = WorldResource(name="table", world_resource=Resource(uri="file:///table.xml"))
+        self.builder = None
+        if isinstance(model, str) and model.lstrip().startswith("<"):
+            source, digest = Source(None, model), keeper.model_digest
+            self.builder = WorldBuilder(self.loop, self.workers, source, digest, settings.get("spawn_wait", False))
+            model_changed.offer(self.mjplug, self.builder, digest)
+        library = Library(folders)
         self.standard = standard_service.offer(
-            self.mjplug, self.loop, StandardSettings(**settings), self.ownership, keeper.restart_time, world
+            self.mjplug,
+            self.loop,
+            StandardSettings(**settings),
+            self.ownership,
+            keeper.restart_time,
+            world,
+            self.builder,
+            library,
         )
+        self.keeper = keeper
+
+    def _keeper(self):
+        return self.keeper
+
+    def spawn(self, name, text=CUP, **fields):
+        """Spawns a model of XML text; returns the result."""
+        resource = {"resource_string": text} if text.lstrip().startswith("<") else {"uri": text}
+        return self.ask("SpawnEntity", name=name, entity_resource=resource, **fields)
 
     def send(self, service, **fields):
         """Sends a request; returns the call."""

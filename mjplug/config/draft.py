@@ -37,6 +37,15 @@ class Loaded(Origins):
         name = self.settings.snapshots.folder
         return self.folders(("snapshots", "folder"))[0] / os.path.expanduser(name) if name else None
 
+    @property
+    def spawnable_folders(self) -> tuple[Path, ...]:
+        """The folders of `simulation_interfaces.spawnables`."""
+        names = self.settings.simulation_interfaces.spawnables
+        setting = ("simulation_interfaces", "spawnables")
+        return tuple(
+            self.folders((*setting, number))[0] / os.path.expanduser(name) for number, name in enumerate(names)
+        )
+
 
 class Draft(Origins):
     """A configuration that was read, but may still be invalid.

@@ -67,5 +67,12 @@ class StandardSettings(Section):
         None, description="Namespace of the services. Default: the server's namespace."
     )
     allow_quit: bool = Field(False, description="Whether clients may end the server with the state QUITTING.")
+    spawnables: Texts = Field(
+        (), description="Folders with models that clients may spawn, relative to this file; others are refused."
+    )
+    spawn_wait: bool = Field(
+        False,
+        description="Whether simulated time waits while a changed model is compiled, so that runs are repeatable.",
+    )
     entities: dict[str, EntitySettings] = Field({}, description="Descriptions of entities, by name.")
     named_poses: dict[str, NamedPoseSettings] = Field({}, description="Poses with names, such as parking positions.")

@@ -47,6 +47,10 @@ class Diagnostics:
         self._tasks[name] = task
         self._failed.discard(name)
 
+    def remove(self, name: str) -> None:
+        """Removes a task."""
+        self._tasks.pop(name, None)
+
     def diagnose(self) -> dict[str, Diagnosis]:
         """Calls all tasks and returns their statuses by name, with all values converted to text.
 

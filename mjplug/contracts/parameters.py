@@ -87,6 +87,10 @@ class ChangeableParameters:
         """Adds a group, whose name must be new."""
         self.groups[name] = group
 
+    def remove(self, name: str) -> None:
+        """Removes a group."""
+        self.groups.pop(name, None)
+
     def change(self, changes: Mapping[str, Mapping[str, Scalar | None]]) -> None:
         """Changes parameters of several groups, all of them or none.
 

@@ -141,6 +141,13 @@ class RemoteSamples:
         if plain or not indices:
             self._on_lost(plain, reason)
 
+    def end(self, reason: str) -> None:
+        """Ends all requests for samples, because the worker ends."""
+        for wanted in self._waiting:
+            wanted.failure = reason
+            wanted.ended.set()
+        self._waiting.clear()
+
     def _end(self, indices: Iterable[int], reason: str) -> None:
         for wanted in [wanted for wanted in self._waiting if not wanted.indices.isdisjoint(indices)]:
             self._waiting.remove(wanted)

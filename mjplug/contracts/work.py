@@ -214,5 +214,8 @@ class WorkerPool(Protocol):
             inbox: The inbox of the physics thread, on which the callbacks of the spec run.
         """
 
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Prepares a changed model for the workers, so that starting them takes no time. Any thread."""
+
     def close(self) -> None:
         """Stops all workers; a second call does nothing."""

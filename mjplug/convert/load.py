@@ -43,7 +43,9 @@ class ConvertedRobot:
     def load(self) -> LoadedModel:
         """Compiles the scene."""
         loaded = load_file(str(self.folder / "scene.xml"))
-        return replace(loaded, path=self.source, description=self.folder / "robot.urdf", keyframe="home")
+        return replace(
+            loaded, path=self.source, compiled=loaded.path, description=self.folder / "robot.urdf", keyframe="home"
+        )
 
     def report(self) -> Report:
         """Returns the report of the conversion, also of an earlier one."""

@@ -32,6 +32,7 @@ class LoadedModel:
         name: The model's own name, or the name of its file without suffix if it has none.
         path: The model's file.
         description: The URDF of a converted robot; otherwise None.
+        compiled: The file that MuJoCo has read, if it is not `path`.
         keyframe: The keyframe to start from, unless the configuration names one; empty for the default pose.
     """
 
@@ -40,6 +41,12 @@ class LoadedModel:
     path: Path
     description: Path | None = None
     keyframe: str = ""
+    compiled: Path | None = None
+
+    @property
+    def source(self) -> Path:
+        """The file that MuJoCo has read."""
+        return self.compiled or self.path
 
     @property
     def described_by(self) -> Path:

@@ -17,6 +17,7 @@ from mjplug.errors import MjplugError, RequestError, is_fault
 from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.inbox import Inbox
+from mjplug.physics.model_change import ModelChange, Replacement
 from mjplug.physics.pacing import Pacer, Speed
 from mjplug.physics.part import Part
 from mjplug.physics.recovery import MIN_STEPS_BETWEEN_RESETS, OnDivergence, Recovery
@@ -62,6 +63,8 @@ class Loop:
         paused: Whether the simulation is paused.
         on_reset: Called after every reset and every restored state, after `on_reset` or `restore` of all parts.
         parts: The server itself and its plugin instances, whose states are saved.
+        on_model_changing: Called before the model changes, to save what is carried over.
+        on_model_changed: Called after the model has changed: the services in their order, then the plugins.
         on_stepped: Called after the steps of a goal were taken, before the request is answered; publishes `/clock`.
         on_idle: Called while `run` is paused and has nothing to do: at once, and then about once a second of wall time.
             It publishes `/clock`.
@@ -95,6 +98,8 @@ class Loop:
         self.paused = paused
         self.on_reset: list[Callable[[], None]] = []
         self.parts: list[Part] = []
+        self.on_model_changing: list[Callable[[], None]] = []
+        self.on_model_changed: list[Callable[[ModelChange], None]] = []
         self.on_stepped: list[Callable[[], None]] = []
         self.on_idle: list[Callable[[], None]] = []
         self.recovery = Recovery(on_divergence)
@@ -204,6 +209,15 @@ class Loop:
         except MjplugError as error:
             # This is not the fault of the request, so it ends `run`.
             self.fail(error)
+
+    def change_model(self, replacement: Replacement) -> None:
+        """Uses a changed model from now on. Simulated time, timers, requests and steps of clients continue."""
+        for prepare in self.on_model_changing:
+            prepare()
+        self.simulation.replace(replacement)
+        self.steppers.model_changed()
+        for follow in self.on_model_changed:
+            follow(replacement.change)
 
     def stop(self) -> None:
         """Ends `run` at the next boundary. May be called on the loop's thread or through the inbox."""

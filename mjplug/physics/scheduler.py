@@ -291,6 +291,18 @@ class Scheduler:
         self._push_timer(order, timer)
         return timer
 
+    def adopt(self, timer: Timer, old: Timer) -> None:
+        """Lets a new timer continue in place of an old one of the same period, which is cancelled."""
+        old.cancel()
+        timer.start, timer.due, timer.asleep = old.start, old.due, False
+        order = self._timers[timer] = self._timers.pop(old, self._timers[timer])
+        self._push_timer(order, timer)
+
+    def remove(self, alarm: Alarm) -> None:
+        """Removes an alarm for good."""
+        alarm.stop()
+        self._alarms.pop(alarm, None)
+
     def alarm(self, callback: Callable[[], None]) -> Alarm:
         """Returns a new alarm, which is off."""
         alarm = Alarm(callback, self._push_alarm)
@@ -361,7 +373,10 @@ class Scheduler:
     def _push_timer(self, order: int, timer: Timer) -> None:
         def fire(step: int) -> None:
             if timer.cancelled:
-                del self._timers[timer]
+                self._timers.pop(timer, None)
+            elif step < timer.due:
+                # The timer has adopted a later phase since it was scheduled for this step.
+                return
             elif timer.while_true is not None and not timer.while_true():
                 timer.asleep = True
             else:

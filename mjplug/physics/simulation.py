@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from mjplug.errors import MjplugError, ModelError, UnknownName
 from mjplug.limits import MAX_TIMESTEP, MIN_TIMESTEP
-from mjplug.near_names import Names
 from mjplug.physics import divergence, physics_state, sleep
 from mjplug.physics.checkpoint import Checkpoint
 from mjplug.physics.divergence import Divergence
-from mjplug.physics.memory import ZeroedArrays, float_view
+from mjplug.physics.fitted import Fitted
+from mjplug.physics.model_change import Replacement
 from mjplug.physics.physics_state import PhysicsState
 from mjplug.physics.step_time import StepTime
 from mjplug.physics.velocity import VelocityHold
@@ -43,6 +43,7 @@ class Simulation:
         free_joints: Joint id of the free joint by body id, in joint order.
         free_bodies: Names of the bodies with a free joint.
         holds: The velocity holds that hold now, in the order in which they are written to `qvel`.
+        generation: Number of changes of the model since the start.
         spawned: Names of the entities that were added to the model; `<name>/` is before the names in them.
 
     Args:
@@ -60,42 +61,68 @@ class Simulation:
                 f"the model's timestep is {model.opt.timestep:g} s; "
                 f"it must be between {MIN_TIMESTEP:g} and {MAX_TIMESTEP:g} s"
             )
-        self.model = model
-        self.data = mujoco.MjData(model)
         self.step = 0
         self.epoch = 0
         self.lineage = 0
+        self.generation = 0
+        self.spawned: tuple[str, ...] = ()
         self.time = StepTime(float(model.opt.timestep))
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        # Built in advance, so that a request with a wrong name takes little time on the physics thread.
-        self._known = {
-            _BODY: Names(self._names(_BODY, model.nbody)),
-            _JOINT: Names(self._names(_JOINT, model.njnt)),
-            _KEY: Names(self.keyframes()),
-        }
+        self.holds: list[VelocityHold] = []
+        self._holders: dict[int, str] = {}
+        self._controllers: dict[int, str] = {}
+        self._use(Fitted(model, mujoco.MjData(model)))
         if keyframe:
             mujoco.mj_resetDataKeyframe(model, self.data, self.keyframe_id(keyframe))
         self.data.time = 0.0
         mujoco.mj_forward(model, self.data)
         self._initial = np.empty(mujoco.mj_stateSize(model, _STATE))
-        self._checkpoint = Checkpoint(self.model, self.data)
         # `data.time` after the last valid step. It is MuJoCo's sum of time steps, which `time.seconds` does not equal.
         self._summed_time = self.data.time
         self._timestep = float(model.opt.timestep)
-        self._forces = ZeroedArrays((self.data.xfrc_applied, self.data.qfrc_applied))
         mujoco.mj_getState(model, self.data, self._initial, _STATE)
-        free = np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))
-        self.free_joints = dict(zip(model.jnt_bodyid[free].tolist(), free.tolist(), strict=True))
-        self.free_bodies = Names(mujoco.mj_id2name(model, _BODY, body) or "" for body in self.free_joints)
         self._kinematics_current = True
         self._forwarded = 0
-        self._warnings = self.data.warning.number.data
-        self._qvel = float_view(self.data.qvel)
-        self.holds: list[VelocityHold] = []
-        self.spawned: tuple[str, ...] = ()
-        self._results: dict[str, NDArray[np.float64]] | None = None
-        self._holders: dict[int, str] = {}
-        self._controllers: dict[int, str] = {}
+
+    def _use(self, fitted: Fitted) -> None:
+        """Uses a model with its state from now on."""
+        self._fitted = fitted
+        self.model, self.data = fitted.model, fitted.data
+        self.free_joints, self.free_bodies = fitted.free_joints, fitted.free_bodies
+        # Attributes of this object, because they are read at every step.
+        self._checkpoint, self._forces = fitted.checkpoint, fitted.forces
+        self._warnings, self._qvel = fitted.warnings, fitted.qvel
+
+    @property
+    def initial(self) -> NDArray[np.float64]:
+        """A copy of the initial state mjSTATE_INTEGRATION, which `restore` sets."""
+        return self._initial.copy()
+
+    @property
+    def body_names(self) -> list[str]:
+        """The names of all bodies."""
+        known = self._fitted.known[_BODY]
+        return known.first(len(known))
+
+    def replace(self, replacement: Replacement) -> None:
+        """Uses a changed model from now on, with the present state of all elements that are still there.
+
+        Velocity holds end, and derived quantities are computed. Step number and time continue.
+        """
+        before = self.data
+        self._use(replacement.fitted)
+        replacement.transfer.copy(before, self.data)
+        mujoco.mj_forward(self.model, self.data)
+        # What MuJoCo computes for the next step starts from the same values as it would have without the change.
+        replacement.transfer.copy(before, self.data)
+        self._initial = replacement.initial
+        self.spawned = replacement.spawned
+        self.generation = replacement.change.generation
+        self.holds.clear()
+        self._holders.clear()
+        self._controllers.clear()
+        self._summed_time = self.data.time
+        self._kinematics_current = True
+        self._forwarded = self.step
 
     @property
     def time_ns(self) -> int:
@@ -266,8 +293,7 @@ class Simulation:
 
     def keyframes(self) -> list[str]:
         """Returns the name of each keyframe, or its index if it is unnamed."""
-        names = (mujoco.mj_id2name(self.model, _KEY, i) for i in range(self.model.nkey))
-        return [name or str(index) for index, name in enumerate(names)]
+        return self._fitted.keyframes
 
     def keyframe_id(self, name: str) -> int:
         """Returns the id of a keyframe.
@@ -303,19 +329,13 @@ class Simulation:
         return self._id(_JOINT, "joint", name)
 
     def _result_arrays(self) -> dict[str, NDArray[np.float64]]:
-        if self._results is None:
-            self._results = physics_state.result_arrays(self.data)
-        return self._results
+        return self._fitted.results
 
     def _id(self, kind: mujoco.mjtObj, word: str, name: str) -> int:
         found = mujoco.mj_name2id(self.model, kind, name) if name and "\0" not in name else -1
         if found < 0:
-            raise UnknownName(word, name, self._known[kind])
+            raise UnknownName(word, name, self._fitted.known[kind])
         return found
-
-    def _names(self, kind: mujoco.mjtObj, count: int) -> list[str]:
-        names = (mujoco.mj_id2name(self.model, kind, i) for i in range(count))
-        return [name for name in names if name]
 
     def _step_holding(self, steps: int) -> None:
         # This code runs at every step, so it is written for speed.

@@ -86,6 +86,10 @@ class Steppers:
             else:
                 begun = True
 
+    def model_changed(self) -> None:
+        """Discards the arrays of the previous model."""
+        self._override = self._written = None
+
     def override(self) -> None:
         """Writes the finite entries of `velocity_override` to `qvel`."""
         if self._override is not None:

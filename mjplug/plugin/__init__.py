@@ -5,6 +5,7 @@ from mjplug.contracts.diagnostics import Diagnosis, Level
 from mjplug.contracts.transport import CLOCK, DEFAULT, LATCHED, LATEST, Call, Publisher, QoS
 from mjplug.contracts.work import Job, Priority, UnavailableError, Work, Worker, worker_diagnosis
 from mjplug.errors import MjplugError, PluginError, RequestError, UnknownName
+from mjplug.physics.model_change import ModelChange
 from mjplug.physics.scheduler import Alarm, Event, Slow, Timer
 from mjplug.physics.velocity import VelocityHold
 from mjplug.plugin.action_server import ActionServer, GoalHandler, GoalRun
@@ -32,6 +33,7 @@ __all__ = [
     "Job",
     "Level",
     "MjplugError",
+    "ModelChange",
     "NestedParameters",
     "OneOrMore",
     "Outcome",

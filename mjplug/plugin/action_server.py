@@ -122,6 +122,7 @@ class ActionServer:
         self._closed = closed
         self._on_abort = on_abort
         self._prepare: Prepare = prepare or _unchanged
+        self._released = ""
         self._entries: dict[bytes, _Entry] = {}
         self._rejections = Throttle(REJECTION_LOG_INTERVAL)
         self._publishers: ActionPublishers = transport.open_action(
@@ -134,6 +135,17 @@ class ActionServer:
             ),
         )
         loop.on_second.append(self._expire)
+
+    def use(
+        self, handler: GoalHandler, on_abort: Callable[[str], Message] | None = None, prepare: Prepare | None = None
+    ) -> None:
+        """Handles goals with other functions from now on; see `NodeView.create_action`."""
+        self._handler, self._on_abort, self._prepare = handler, on_abort, prepare or _unchanged
+        self._released = ""
+
+    def release(self) -> None:
+        """Rejects goals until `use` is called."""
+        self._released = "the object that this belongs to is no longer in the model"
 
     @property
     def under_way(self) -> list[Goal]:
@@ -178,7 +190,7 @@ class ActionServer:
         Raises:
             RequestError: The goal is rejected.
         """
-        if closed := self._closed():
+        if closed := self._closed() or self._released:
             raise RequestError(closed)
         if goal_id == ALL_GOALS:
             raise RequestError("the identifier of the goal is zero; choose a random one")
@@ -209,7 +221,7 @@ class ActionServer:
 
     def _run(self, goal: Goal, prepared: Prepared) -> Generator[Wait, None, Outcome]:
         try:
-            returned: Any = self._handler(prepared.get(), goal)
+            returned: Any = self._handler(prepared.get(self._prepare), goal)
             if isinstance(returned, Generator):
                 returned = yield from returned
             return goal.outcome(returned)

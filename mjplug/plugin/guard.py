@@ -73,6 +73,39 @@ class Guard:
         self._timers_created += 1
         return timer
 
+    def begin_again(self) -> dict[int, Timer]:
+        """Releases what the plugin has created, before it is started again; returns its timers, which continue.
+
+        Waiting requests of the plugin are refused, because they belong to the previous model.
+        """
+        self._loop.scheduler.cancel("cancelled: the model has changed", owner=self)
+        self.deactivate()
+        for hold in self.holds:
+            hold.release()
+        self.holds.clear()
+        timers, self.timers, self._timers_created = self.timers, {}, 0
+        return timers
+
+    def end_again(self, before: dict[int, Timer]) -> None:
+        """Lets new timers continue in the phases of those before, and cancels the others."""
+        for number, timer in self.timers.items():
+            old = before.pop(number, None)
+            if old is not None and old.period_steps == timer.period_steps and not timer.cancelled:
+                self._loop.scheduler.adopt(timer, old)
+            elif old is not None:
+                old.cancel()
+        for old in before.values():
+            old.cancel()
+
+    def disable(self, reason: str) -> None:
+        """Disables the instance without stopping the server, because it does not fit the changed model."""
+        self.disabled = reason
+        self._logger.error("%s", reason)
+        self.deactivate()
+        for hold in self.holds:
+            hold.release()
+        self._loop.scheduler.cancel(reason, owner=self)
+
     @property
     def stepper(self) -> PluginStepper | None:
         """The stepper of the plugin; None before `attach`."""

@@ -23,6 +23,7 @@ from mjplug.contracts.work import JOB_TIMEOUT, NO_RENDERER, Job, Priority, Work,
 from mjplug.errors import PluginError, RequestError, is_fault
 from mjplug.physics.loop import Loop
 from mjplug.physics.velocity import VelocityHold
+from mjplug.plugin.follower import Follower, Following
 from mjplug.plugin.guard import Stepping
 from mjplug.plugin.instance_part import InstancePart
 from mjplug.plugin.node_view import NodeView, Resolve
@@ -86,10 +87,13 @@ class Host(NodeView):
             frame_prefix,
             topics or Topics(),
         )
-        entropy = [seed, *name.encode()]
+        entropy = self._entropy = [seed, *name.encode()]
+        self._own_workers: list[Callable[[], None]] = []
+        self._statuses: list[str] = []
         self.random = np.random.default_rng(entropy)
         self._part = InstancePart(self._guard, lambda: self.random, entropy)
         loop.parts.append(self._part)
+        loop.on_model_changed.append(lambda change: self._use_model())
         self._changeable = changeable or ChangeableParameters()
         self._workers = workers
         self._diagnostics = diagnostics
@@ -180,11 +184,15 @@ class Host(NodeView):
                 simulation with `~/step` then get a sample of the topic for the state after their last step.
         """
         # While the token of a worker is in the loop's set, the loop takes no step.
-        token, lockstep = object(), self._loop.lockstep
+        token, lockstep, current = object(), self._loop.lockstep, [True]
+
+        def while_current(callback: Callable[..., None]) -> Callable[..., None]:
+            guarded = self._guard.guarded(callback)
+            # A worker of the previous model may still report a job.
+            return lambda *args: guarded(*args) if current else None
+
         tasks = [tuple((sample_tasks or {}).get(publisher, ())) for publisher in publishers]
-        samples = RemoteSamples(
-            sync, tasks, self._guard.guarded(on_done or _nothing), self._guard.guarded(on_lost or _nothing)
-        )
+        samples = RemoteSamples(sync, tasks, while_current(on_done or _nothing), while_current(on_lost or _nothing))
         for index, publisher in enumerate(publishers):
             self._published[publisher].remote = samples, index
         spec = WorkerSpec(
@@ -195,13 +203,21 @@ class Host(NodeView):
             sync,
             priority,
             job_timeout,
-            lambda block: lockstep.add(token) if block else lockstep.discard(token),
-            self._guard.guarded(on_ready or _nothing),
+            lambda block: lockstep.add(token) if block and current else lockstep.discard(token),
+            while_current(on_ready or _nothing),
             samples.done,
             samples.lost,
         )
-        samples.worker = self._workers.start(spec, self._simulation, self._loop.inbox)
-        return samples.worker
+        worker = samples.worker = self._workers.start(spec, self._simulation, self._loop.inbox)
+
+        def end() -> None:
+            samples.end("the model has changed")
+            current.clear()
+            lockstep.discard(token)
+            worker.stop()
+
+        self._own_workers.append(end)
+        return worker
 
     def create_diagnostic(self, name: str, task: Callable[[], Diagnosis]) -> None:
         """Adds a status to `/diagnostics`, as diagnostic_updater's `add` does.
@@ -214,7 +230,9 @@ class Host(NodeView):
         def diagnose() -> Diagnosis:
             return Diagnosis(Level.ERROR, self._guard.disabled) if self._guard.disabled else task()
 
-        self._diagnostics.add(f"{self.name}: {name}" if name else self.name, diagnose)
+        status = f"{self.name}: {name}" if name else self.name
+        self._statuses.append(status)
+        self._diagnostics.add(status, diagnose)
 
     def create_parameters(self, name: str, values: P, on_change: Callable[[P], None]) -> None:
         """Declares parameters that clients can change while the server runs, for example with `ros2 param set`.
@@ -252,13 +270,35 @@ class Host(NodeView):
         self._part.groups[name] = declared = ParameterGroup[BaseModel](values, change)
         self._changeable.add(group, declared)
 
-    def attach(self, plugin: Stepping) -> None:
-        """Makes the loop call the plugin's `on_reset`, and its `update` while it is active.
+    def attach(self, plugin: Stepping, parameters: Any = None) -> None:
+        """Makes the loop call the plugin's `on_reset`, its `update` while it is active, and `on_model_changed`.
 
         The server calls this once, before `init`.
+
+        Args:
+            plugin: The plugin.
+            parameters: Its parameters, with which it is started again when the model has changed.
         """
         self._guard.attach(plugin)
         self._part.attach(self.name, plugin)
+        if isinstance(plugin, Following):
+            follower = Follower(plugin, parameters, self, self._guard, self._part)
+            self._loop.on_model_changing.append(follower.prepare)
+            self._loop.on_model_changed.append(follower.follow)
+
+    def _release(self) -> None:
+        super()._release()
+        for end in self._own_workers:
+            end()
+        for status in self._statuses:
+            self._diagnostics.remove(status)
+        for group in self._part.groups:
+            self._changeable.remove(f"plugins.{self.name}.{group}" if group else f"plugins.{self.name}")
+        self._part.groups.clear()
+        self._own_workers.clear()
+        self._statuses.clear()
+        # Seeds that `init` draws are the same as before.
+        self.random = np.random.default_rng(self._entropy)
 
 
 def _nothing(*_: Any) -> None:

@@ -15,6 +15,7 @@ from mjplug.physics.loop import WALL_TIMER_PERIOD, Loop
 from mjplug.physics.scheduler import Alarm, Slow, Timer
 from mjplug.plugin.action_server import ActionServer, GoalHandler
 from mjplug.plugin.arrivals import Arrivals
+from mjplug.plugin.endpoints import NOT_IN_MODEL, Endpoints, PublishedEndpoint, ReadEndpoint, ServedEndpoint
 from mjplug.plugin.guard import Guard
 from mjplug.plugin.prepared import Prepare, Prepared
 from mjplug.plugin.stopwatch import Stopwatch
@@ -79,6 +80,9 @@ class NodeView(WorldView):
         self._stopwatch = stopwatch
         self._topics = topics
         self._guard = Guard(name, self.logger, loop, stopwatch, disable_on_error)
+        self._endpoints = Endpoints()
+        self._alarms: list[Alarm] = []
+        self._wall_checks: list[Callable[[float], None]] = []
         self._published: dict[Publisher[Any], PublishedTopic] = {}
         # The timers that sleep while none of their publishers has a subscriber.
         self._timers_by_publisher: dict[Publisher[Any], list[Timer]] = {}
@@ -131,21 +135,24 @@ class NodeView(WorldView):
         Raises:
             PluginError: The name is not a valid ROS name.
         """
-        timers: list[Timer] = []
-
-        def wake_timers() -> None:
-            for timer in timers:
-                self._loop.scheduler.wake(timer, self.step)
-            if on_matched is not None:
-                self._guard.guarded(on_matched)()
-
         topic = Topic(self.full_name(name), type, qos)
-        publisher = self._transport.open_publisher(topic, lambda: self._loop.inbox.post(wake_timers))
-        self._timers_by_publisher[publisher] = timers
-        published = PublishedTopic(topic, publisher, sample, wake_timers, lambda: self.step)
+        endpoint = self._endpoints.take(("publisher", topic), PublishedEndpoint)
+        if endpoint is None:
+            endpoint = self._open_publisher(topic)
+            self._endpoints.add(("publisher", topic), endpoint)
+        endpoint.on_matched = None if on_matched is None else self._guard.guarded(on_matched)
+        endpoint.published.sample = sample
+        return endpoint.publisher
+
+    def _open_publisher(self, topic: Topic[Any]) -> PublishedEndpoint:
+        endpoint, inbox = PublishedEndpoint(self._loop.scheduler, lambda: self.step), self._loop.inbox
+        publisher = self._transport.open_publisher(topic, lambda: inbox.post(endpoint.matched))
+        published = PublishedTopic(topic, publisher, None, endpoint.matched, lambda: self.step)
+        endpoint.publisher, endpoint.published = publisher, published
+        self._timers_by_publisher[publisher] = endpoint.timers
         self._topics.published.setdefault(topic.name, []).append(published)
         self._published[publisher] = published
-        return publisher
+        return endpoint
 
     def create_subscription(
         self,
@@ -171,29 +178,40 @@ class NodeView(WorldView):
             PluginError: The name is not a valid ROS name.
         """
         topic = Topic(self.full_name(name), type, qos)
-        refusals = Throttle(REFUSAL_LOG_INTERVAL)
+        endpoint = self._endpoints.take(("subscription", topic), ReadEndpoint)
+        if endpoint is None:
+            endpoint = self._open_subscription(topic)
+            self._endpoints.add(("subscription", topic), endpoint)
+        endpoint.callback, endpoint.prepare = callback, prepare
+
+    def _open_subscription(self, topic: Topic[Any]) -> ReadEndpoint:
+        endpoint, refusals = ReadEndpoint(), Throttle(REFUSAL_LOG_INTERVAL)
 
         def take(message: Any) -> None:
+            if endpoint.callback is None:
+                return
             try:
-                callback(message.get() if isinstance(message, Prepared) else message)
+                endpoint.callback(message.get(endpoint.prepare) if isinstance(message, Prepared) else message)
             except RequestError as error:
                 if refusals.admit(perf_counter()):
                     self.logger.warning(
                         "topic %s: a message was refused: %s%s", topic.name, error, refusals.suppressed()
                     )
 
-        arrivals = Arrivals(topic.name, qos.depth, self._loop.inbox, self._guard.guarded(take))
-        deliver, handle = arrivals.deliver, callback
-        if prepare is not None:
+        arrivals = Arrivals(topic.name, topic.qos.depth, self._loop.inbox, self._guard.guarded(take))
 
-            def deliver(message: M) -> None:
-                arrivals.deliver(Prepared(prepare, message))
+        def deliver(message: Any) -> None:
+            prepare = endpoint.prepare
+            arrivals.deliver(message if prepare is None else Prepared(prepare, message))
 
-            def handle(message: M) -> None:
-                callback(prepare(message))
+        def handle(message: Any) -> None:
+            if endpoint.callback is None:
+                raise RequestError(NOT_IN_MODEL)
+            endpoint.callback(message if endpoint.prepare is None else endpoint.prepare(message))
 
         self._transport.open_subscription(topic, deliver)
         self._topics.read.setdefault(topic.name, []).append(ReadTopic(topic, self._guard.checked(handle)))
+        return endpoint
 
     def create_service(
         self,
@@ -217,18 +235,28 @@ class NodeView(WorldView):
         Raises:
             PluginError: The name is not a valid ROS name.
         """
+        service = ServiceName(self.full_name(name), type, packed)
+        endpoint = self._endpoints.take(("service", service), ServedEndpoint)
+        if endpoint is None:
+            endpoint = self._open_service(service)
+            self._endpoints.add(("service", service), endpoint)
+        endpoint.handler = handler
+
+    def _open_service(self, service: ServiceName) -> ServedEndpoint:
+        endpoint = ServedEndpoint()
 
         def serve(call: Call) -> None:
             if self._guard.disabled:
                 call.refuse(self._guard.disabled)
+            elif endpoint.handler is None:
+                call.refuse(NOT_IN_MODEL)
             else:
                 began = perf_counter()
-                self._loop.serve(call, handler, owner=self._guard)
+                self._loop.serve(call, endpoint.handler, owner=self._guard)
                 self._stopwatch.add(began)
 
-        self._transport.open_service(
-            ServiceName(self.full_name(name), type, packed), lambda call: self._loop.inbox.post(lambda: serve(call))
-        )
+        self._transport.open_service(service, lambda call: self._loop.inbox.post(lambda: serve(call)))
+        return endpoint
 
     def create_action(
         self,
@@ -263,10 +291,15 @@ class NodeView(WorldView):
         Raises:
             PluginError: The name is not a valid ROS name.
         """
-        return ActionServer(
+        action = ActionName(self.full_name(name), type)
+        server = self._endpoints.take(("action", action), ActionServer)
+        if server is not None:
+            server.use(handler, on_abort, prepare)
+            return server
+        server = ActionServer(
             self._loop,
             self._transport,
-            ActionName(self.full_name(name), type),
+            action,
             handler,
             self.now,
             self.logger,
@@ -275,6 +308,8 @@ class NodeView(WorldView):
             on_abort,
             prepare,
         )
+        self._endpoints.add(("action", action), server)
+        return server
 
     def create_timer(
         self,
@@ -325,7 +360,9 @@ class NodeView(WorldView):
         Args:
             callback: Called on the physics thread.
         """
-        return self._loop.scheduler.alarm(self._guard.guarded(callback))
+        alarm = self._loop.scheduler.alarm(self._guard.guarded(callback))
+        self._alarms.append(alarm)
+        return alarm
 
     def create_wall_timer(self, period: float, callback: Callable[[], None]) -> None:
         """Calls a function periodically in wall time, paused or not, at any speed.
@@ -344,3 +381,14 @@ class NodeView(WorldView):
                 guarded()
 
         self._loop.on_second.append(check)
+        self._wall_checks.append(check)
+
+    def _release(self) -> None:
+        """Releases what the plugin has created, before it is restarted; endpoints stay for `init`."""
+        self._endpoints.release_all()
+        for alarm in self._alarms:
+            self._loop.scheduler.remove(alarm)
+        for check in self._wall_checks:
+            self._loop.on_second.remove(check)
+        self._alarms.clear()
+        self._wall_checks.clear()

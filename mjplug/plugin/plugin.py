@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get
 from mjplug.plugin.parameters import Parameters
 
 if TYPE_CHECKING:
+    from mjplug.physics.model_change import ModelChange
     from mjplug.plugin.host import Host
 
 
@@ -85,6 +86,19 @@ class Plugin(ABC, Generic[P]):
 
     def on_reset(self) -> None:
         """Runs after the world was reset and waiting requests were refused. Discard data about the old state here."""
+
+    def on_model_changed(self, change: ModelChange) -> None:
+        """Runs after the model has changed, because an entity was added or removed. Ids and arrays are others now.
+
+        The default calls `change.restart()`: `cleanup`, then `init`, where names become ids, then `restore` with what
+        `save` has returned before. Topics, services and timers that `init` creates again are the same as before, for
+        clients too. Waiting requests of the plugin are refused. If `init` raises an error, for example because its
+        robot was removed, the instance is disabled until the next change.
+
+        Args:
+            change: What has changed, with the new id of each old element.
+        """
+        change.restart()
 
     def save(self) -> Mapping[str, Any] | None:
         """Returns the plugin's part of a saved state: all data that later calls depend on.

@@ -16,6 +16,7 @@ class Prepared:
     """
 
     def __init__(self, prepare: Prepare, message: Any) -> None:
+        self._prepare, self._message = prepare, message
         self._value: Any = None
         self._error: Exception | None = None
         try:
@@ -23,8 +24,14 @@ class Prepared:
         except Exception as error:
             self._error = error
 
-    def get(self) -> Any:
-        """Returns the value, or raises the exception. Physics thread, where exceptions of plugins are handled."""
+    def get(self, prepare: Prepare | None = None) -> Any:
+        """Returns the value, or raises the exception. Physics thread, where exceptions of plugins are handled.
+
+        Args:
+            prepare: The present function, if it may have changed since; the message is then prepared again.
+        """
+        if prepare is not None and prepare is not self._prepare:
+            return prepare(self._message)
         if self._error is not None:
             raise self._error
         return self._value

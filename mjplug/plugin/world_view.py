@@ -14,8 +14,8 @@ class WorldView:
     """The simulated world as a plugin uses it.
 
     Attributes:
-        model: The compiled model. It does not change during the life of the plugin.
-        data: The current state. References to its arrays stay valid during the life of the plugin.
+        model: The compiled model, until `Plugin.on_model_changed` is called.
+        data: The current state. References to its arrays stay valid until `Plugin.on_model_changed` is called.
         model_file: The model's file; None if the model was not loaded from a file.
 
     Args:
@@ -30,6 +30,10 @@ class WorldView:
         self.model_file = model_file
         self._folders = tuple(folders)
         self._simulation = simulation
+
+    def _use_model(self) -> None:
+        """Uses the present model of the simulation from now on."""
+        self.model, self.data = self._simulation.model, self._simulation.data
 
     @property
     def step(self) -> int:

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import mujoco
+
 from mjplug.contracts.actions import ActionCallbacks, ActionName, ActionPublishers
 from mjplug.contracts.cdr_frame import CdrFrame
 from mjplug.contracts.transport import BytesQuery, Call, ServiceName, Topic
@@ -96,6 +98,9 @@ class OfflineWorkerPool:
     def start(self, spec: WorkerSpec, simulation: Simulation, inbox: Inbox) -> OfflineWorker:
         """Returns a worker that does nothing."""
         return OfflineWorker()
+
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Does nothing."""
 
     def close(self) -> None:
         """Does nothing."""

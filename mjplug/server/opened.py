@@ -77,7 +77,8 @@ class OpenedServer:
             closing.callback(workers.close)
             self.calls = LocalCalls(self.network)
             folder = prepared.loaded.states_folder
-            self.server = Server(settings, simulation, self.calls, prepared.plugins, workers, model, folder)
+            spawnables = prepared.loaded.spawnable_folders
+            self.server = Server(settings, simulation, self.calls, prepared.plugins, workers, model, folder, spawnables)
             closing.callback(self.server.end)
             loop, physics_thread = self.server.loop, threading.get_ident()
             self.network.open_calls.replies.may_wait = lambda: loop.paused and threading.get_ident() == physics_thread

@@ -17,6 +17,8 @@ from mjplug.contracts.topics import Topics
 from mjplug.contracts.work import WorkerPool
 from mjplug.errors import MjplugError, PluginError, is_fault
 from mjplug.model.file import LoadedModel
+from mjplug.model.library import Library
+from mjplug.model.recipe import Source
 from mjplug.physics import process
 from mjplug.physics.loop import Loop
 from mjplug.physics.simulation import Simulation
@@ -34,7 +36,9 @@ from mjplug.services import (
 )
 from mjplug.services.plugin_times import PluginTimes
 from mjplug.services.rollout import service as rollout
+from mjplug.services.standard import model_changed
 from mjplug.services.standard import service as standard
+from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.states import service as states
 from mjplug.services.stepping import service as stepping
 from mjplug.services.view import service as view
@@ -63,6 +67,7 @@ class Server:
         workers: Starts the worker processes of the plugins; the caller closes it after `run`.
         model: The model with its file; None if it was not loaded from a file.
         states_folder: The folder of saved states; None if there is none.
+        spawnables: The folders with models that clients may add.
 
     Raises:
         PluginError: Plugins refused to start; the text names all of them. Plugins that had started are cleaned up.
@@ -77,6 +82,7 @@ class Server:
         workers: WorkerPool,
         model: LoadedModel | None = None,
         states_folder: Path | None = None,
+        spawnables: Sequence[Path] = (),
     ) -> None:
         sim = settings.sim
         self.loop = Loop(simulation, sim.speed, sim.paused, sim.on_divergence)
@@ -104,6 +110,7 @@ class Server:
         step_simulation.offer(host, self.loop, self.ownership)
         self._cleanups.callback(rollout.offer(host, self.loop, saved.vector))
         if settings.simulation_interfaces.enabled:
+            builder = self._builder(host, saved.keeper.model_digest, model)
             standard.offer(
                 host,
                 self.loop,
@@ -111,6 +118,8 @@ class Server:
                 self.ownership,
                 saved.keeper.restart_time,
                 _world(model),
+                builder,
+                Library(spawnables),
             )
         clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
@@ -126,6 +135,16 @@ class Server:
         except BaseException:
             self._cleanups.close()
             raise
+
+    def _builder(self, host: Host, digest: str, model: LoadedModel | None) -> WorldBuilder | None:
+        """Returns what changes the model; None if MuJoCo cannot compile it again."""
+        if model is None or model.source.suffix.lower() == ".mjb":
+            return None
+        wait = self._settings.simulation_interfaces.spawn_wait
+        builder = WorldBuilder(self.loop, self._workers, Source(model.source), digest, wait)
+        model_changed.offer(host, builder, digest)
+        self._cleanups.callback(builder.close)
+        return builder
 
     def run(self, duration: float | None = None) -> None:
         """Runs the loop in the calling thread until it is stopped, fails, or has simulated `duration` [s].
@@ -176,7 +195,7 @@ class Server:
         host = self._host(selected.name, names, self._settings.on_plugin_error == "disable", selected.folders)
         plugin = self.plugins[selected.name] = selected.plugin_class()
         self._cleanups.callback(self._clean_up, selected.name, plugin.cleanup)
-        host.attach(plugin)
+        host.attach(plugin, selected.parameters)
         try:
             plugin.init(host, selected.parameters)
         except MjplugError as error:

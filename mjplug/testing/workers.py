@@ -110,6 +110,9 @@ class InlineWorkerPool:
         worker = self.workers[spec.name] = InlineWorker(spec, simulation, inbox)
         return worker
 
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Does nothing, because the works use the model itself."""
+
     def close(self) -> None:
         """Closes all works."""
         for worker in self.workers.values():

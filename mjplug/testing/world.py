@@ -37,8 +37,6 @@ class World:
     subscriber until a test changes that: `world.transport.publishers["/lamp/height"].matched = False`.
 
     Attributes:
-        model: The compiled model.
-        data: The state. Between two steps, it may be read and written.
         transport: The topics and services.
         workers: The workers that plugins have created, by the name of the instance.
         diagnostics: The diagnostics of the plugins.
@@ -73,7 +71,16 @@ class World:
         self.workers = InlineWorkerPool()
         self.diagnostics = Diagnostics()
         self.topics = Topics()
-        self.model, self.data = self.simulation.model, self.simulation.data
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model."""
+        return self.simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The state. Between two steps, it may be read and written."""
+        return self.simulation.data
 
     @property
     def time_ns(self) -> int:
@@ -135,8 +142,9 @@ class World:
         """
         plugin = plugin_class()
         host = self.host(name)
-        host.attach(plugin)
-        plugin.init(host, plugin_class.parameters_type(**parameters))
+        validated = plugin_class.parameters_type(**parameters)
+        host.attach(plugin, validated)
+        plugin.init(host, validated)
         return plugin
 
     def step(self, steps: int = 1) -> None:

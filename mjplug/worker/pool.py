@@ -40,7 +40,7 @@ class ProcessWorkerPool:
     def __init__(self, session: SessionSettings, endpoints: tuple[str, ...]) -> None:
         self._session = session
         self._endpoints = endpoints
-        self._model: memoryview | None = None
+        self._model: tuple[mujoco.MjModel, memoryview] | None = None
         self._saving = threading.Lock()
         self._workers: list[WorkerSupervisor] = []
         self._closing = threading.Event()
@@ -75,6 +75,11 @@ class ProcessWorkerPool:
             self._checking.start()
         return worker
 
+    def prepare(self, model: mujoco.MjModel) -> None:
+        """Saves a changed model if there are processes; see `mjplug.contracts.work.WorkerPool`."""
+        if self._workers:
+            self._saved(model)
+
     def close(self) -> None:
         """Stops all processes, and kills those that hang; takes at most 1.5 s. A second call does nothing."""
         self._closing.set()
@@ -102,11 +107,11 @@ class ProcessWorkerPool:
         self._workers.remove(worker)
 
     def _saved(self, model: mujoco.MjModel) -> memoryview:
-        """Returns the saved model, which is saved once for all processes."""
+        """Returns the saved model; the last one is kept, for all processes."""
         with self._saving:
-            if self._model is None:
-                self._model = _model_bytes(model)
-            return self._model
+            if self._model is None or self._model[0] is not model:
+                self._model = model, _model_bytes(model)
+            return self._model[1]
 
 
 def _own(name: str, publisher: Publisher[Any] | BytesPublisher) -> WirePublisher[Any] | WireBytesPublisher:

@@ -29,6 +29,16 @@ class Snapshot(Message):
     left_out: sequence[string] = Field((), description="Plugin instances whose state was not saved.")
 
 
+class ModelChanged(Message):
+    """The model that the server simulates, published after each change of it."""
+
+    generation: uint64 = Field(0, description="Number of changes of the model since the start of the server.")
+    stamp: Time = Field(Time(), description="Simulated time of the change [s, ns].")
+    added: sequence[string] = Field((), description="Names of the entities that this change has added.")
+    removed: sequence[string] = Field((), description="Names of the entities that this change has removed.")
+    model_digest: string = Field("", description="Identifies the model, as in a saved state.")
+
+
 class Sample(Message):
     """A message of a topic, encoded as CDR or as JSON; the other field is empty."""
 

@@ -62,6 +62,8 @@ def test_defaults_are_those_of_the_documentation():
             "enabled": True,
             "namespace": None,
             "allow_quit": False,
+            "spawnables": (),
+            "spawn_wait": False,
             "entities": {},
             "named_poses": {},
         },

@@ -49,13 +49,16 @@ class Sequences:
 class Batch:
     """Simulates batches on a pool of threads. One thread at a time may call `run`.
 
+    Attributes:
+        model: The model.
+
     Args:
-        model: The model, which is only read.
+        model: As above; it is only read.
         threads: Number of threads.
     """
 
     def __init__(self, model: mujoco.MjModel, threads: int) -> None:
-        self._model = model
+        self.model = model
         self._rollout = Rollout(nthread=threads)
         self._data = [mujoco.MjData(model) for _ in range(max(1, threads))]
 
@@ -70,7 +73,7 @@ class Batch:
             The observed arrays, one after the other, shape (B, k, width), and the numbers of the sequences that have
             diverged; their rows are invalid from there on.
         """
-        model, steps = self._model, sequences.steps
+        model, steps = self.model, sequences.steps
         batch, actions, _ = sequences.controls.shape
         full, warmstart, constant, spec = self._inputs(sequences.start)
         nstep = actions * steps
@@ -108,7 +111,7 @@ class Batch:
 
     def _inputs(self, start: Array) -> tuple[Array, Array, Array, int]:
         """Returns the parts of a start: FULLPHYSICS, the warmstart, the constant inputs, and the spec of controls."""
-        model, data = self._model, self._data[0]
+        model, data = self.model, self._data[0]
         mujoco.mj_setState(model, data, start, _INTEGRATION)
         full = _state(model, data, _FULL)
         warmstart = _state(model, data, int(_STATE.mjSTATE_WARMSTART))
@@ -120,7 +123,7 @@ class Batch:
         return full, warmstart, constant, kept | int(_STATE.mjSTATE_CTRL)
 
     def _observe(self, names: Sequence[str], state: Array, sensors: Array, controls: Array, out: Array) -> None:
-        model = self._model
+        model = self.model
         # The state begins with the time.
         qvel = 1 + model.nq
         act = qvel + model.nv

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from queue import SimpleQueue
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,7 +54,7 @@ class _Rollouts:
     def __init__(self, loop: Loop, find: Find) -> None:
         self._loop = loop
         self._find = find
-        self._queue: SimpleQueue[Callable[[Batch], None] | None] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[mujoco.MjModel, Callable[[Batch], None]] | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
         self._waiting = 0
         self._closed = False
@@ -72,10 +73,13 @@ class _Rollouts:
             snapshot.take(model, self._loop.simulation.data, start)
         if self._waiting >= MAX_WAITING:
             raise RequestError(f"busy: {MAX_WAITING} rollouts are waiting, which is the maximum; try again later")
+        # The state may have been read from a file meanwhile, and another model may be used.
+        if self._loop.simulation.model is not model:
+            raise RequestError("the model has changed; try again")
         sequences = Sequences(start, controls, request.steps, tuple(request.observe))
         ended, failures = Event(), list[str]()
         self._waiting += 1
-        self._start(lambda batch: self._run(batch, sequences, observed, call, ended, failures))
+        self._start(model, lambda batch: self._run(batch, sequences, observed, call, ended, failures))
         yield ended
         if failures:
             raise RequestError(failures[0])
@@ -87,18 +91,21 @@ class _Rollouts:
         self._closed = True
         self._queue.put(None)
 
-    def _start(self, task: Callable[[Batch], None]) -> None:
+    def _start(self, model: mujoco.MjModel, task: Callable[[Batch], None]) -> None:
         if self._thread is None:
             # A daemon, so that the process can end during a long batch.
             self._thread = threading.Thread(target=bound(self._work), name="mjplug rollout", daemon=True)
             self._thread.start()
-        self._queue.put(task)
+        self._queue.put((model, task))
 
     def _work(self) -> None:
         batch: Batch | None = None
-        while (task := self._queue.get()) and not self._closed:
-            if batch is None:
-                batch = Batch(self._loop.simulation.model, _processors())
+        while (item := self._queue.get()) and not self._closed:
+            model, task = item
+            if batch is None or batch.model is not model:
+                if batch is not None:
+                    batch.close()
+                batch = Batch(model, _processors())
             task(batch)
         if batch is not None:
             batch.close()

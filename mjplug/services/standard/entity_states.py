@@ -116,8 +116,8 @@ def set_state(simulation: Simulation, entities: Entities, request: SetEntityStat
     note = "accelerations are not set: they follow from forces" if request.set_acceleration else ""
     if not (request.set_pose or request.set_twist):
         return note
-    position, quat = _frame(simulation, entities, request.state.header.frame_id)
-    pose = _pose(request.state.pose, position, quat) if request.set_pose else None
+    position, quat = frame_in_world(simulation, entities, request.state.header.frame_id)
+    pose = pose_in_world(request.state.pose, position, quat, INVALID_POSE) if request.set_pose else None
     twist = _twist(request.state.twist, quat) if request.set_twist else None
     _check_movable(entity, pose is not None, twist)
     model, data = simulation.model, simulation.data
@@ -151,8 +151,12 @@ def _check_movable(entity: Entity, pose: bool, twist: tuple[Array, Array] | None
         )
 
 
-def _frame(simulation: Simulation, entities: Entities, name: str) -> tuple[Array, Array]:
-    """Returns position and orientation of a frame in the world: `world`, an entity or a body."""
+def frame_in_world(simulation: Simulation, entities: Entities, name: str) -> tuple[Array, Array]:
+    """Returns position [m] and orientation (w, x, y, z) of a frame in the world: `world`, an entity or a body.
+
+    Raises:
+        ResultError: There is no such frame.
+    """
     name = name.removeprefix("/")
     if name in ("", WORLD):
         return np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0))
@@ -169,14 +173,25 @@ def _frame(simulation: Simulation, entities: Entities, name: str) -> tuple[Array
 INVALID_POSE = SetEntityState.Response.INVALID_POSE
 
 
-def _pose(pose: Pose, position: Array, quat: Array) -> tuple[Array, Array]:
+def pose_in_world(pose: Pose, position: Array, quat: Array, code: int) -> tuple[Array, Array]:
+    """Returns position [m] and orientation (w, x, y, z) in the world of a pose in a frame.
+
+    Args:
+        pose: The pose.
+        position: Position of the frame [m].
+        quat: Orientation of the frame (w, x, y, z).
+        code: The code of the error.
+
+    Raises:
+        ResultError: The pose is not valid.
+    """
     try:
         own, turn = vector(pose.position, "pose.position"), unit_quat_wxyz(pose.orientation, "pose.orientation")
         placed = position + rotate(quat, own)
         if np.abs(placed).max() >= mujoco.mjMAXVAL:
             raise RequestError("the position in the world is too large")
     except RequestError as error:
-        raise ResultError(INVALID_POSE, str(error)) from None
+        raise ResultError(code, str(error)) from None
     # A pose in the world keeps its bits.
     return placed, turn if quat[0] == 1.0 else compose(quat, turn)
 

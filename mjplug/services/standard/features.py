@@ -26,6 +26,22 @@ ALWAYS = (
 )
 """The features that do not depend on the configuration."""
 
+SPAWNING = (
+    F.SPAWNING,
+    F.DELETING,
+    F.SPAWNING_RESOURCE_STRING,
+    F.SPAWNABLES,
+    F.SPAWNING_ENTITIES,
+    F.SIMULATION_RESET_SPAWNED,
+)
+"""The features that need a model that MuJoCo can compile again."""
+
+_SPAWN_LIMITS = (
+    "adding or removing an entity compiles the model again, which may change the last bits of other trajectories",
+    "a model without a free joint is spawned as a mocap body, so that it can be moved",
+    "entity_namespace has no effect",
+)
+
 _LIMITS = (
     "bounds are boxes that may be larger than necessary; their first point is the upper right corner",
     "filters by convex hulls are not supported",
@@ -40,14 +56,18 @@ class Features:
 
     Args:
         settings: The setting `simulation_interfaces`.
+        spawning: Whether entities can be added and removed.
     """
 
-    def __init__(self, settings: StandardSettings) -> None:
+    def __init__(self, settings: StandardSettings, spawning: bool) -> None:
+        self._features = sorted((*ALWAYS, *(SPAWNING if spawning else ())))
+        self._formats = ("mjcf", "urdf") if spawning else ()
         quitting = (
             "the state QUITTING ends the server" if settings.allow_quit else "the state QUITTING is not supported"
         )
-        self._info = "; ".join((*_LIMITS, quitting))
+        limits = (*_LIMITS, *(_SPAWN_LIMITS if spawning else ()))
+        self._info = "; ".join((*limits, quitting))
 
     def message(self) -> F:
         """Returns the features as a message."""
-        return F(features=tuple(sorted(ALWAYS)), spawn_formats=(), custom_info=self._info)
+        return F(features=tuple(self._features), spawn_formats=self._formats, custom_info=self._info)

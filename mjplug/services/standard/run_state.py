@@ -1,10 +1,11 @@
 """The run state, steps and resets of the standard interface."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.physics.reset import Reset
+from mjplug.physics.scheduler import Wait
 from mjplug.plugin import Call, Slow
 from mjplug.services.standard.entities import Entities
 from mjplug.services.standard.replies import UNSUPPORTED, ResultError, done
@@ -43,6 +44,7 @@ class RunState:
         entities: The entities, whose descriptions a complete reset restores.
         ownership: Which client steps the server.
         restart_time: Sets simulated time to zero, without other changes.
+        restore_base: Removes spawned entities; its argument says whether to bring removed ones back.
         allow_quit: Whether clients may end the server.
     """
 
@@ -52,12 +54,14 @@ class RunState:
         entities: Entities,
         ownership: Ownership,
         restart_time: Callable[[], None],
+        restore_base: Callable[[bool], Generator[Wait, None, None]],
         allow_quit: bool,
     ) -> None:
         self._loop = loop
         self._entities = entities
         self._ownership = ownership
         self._restart_time = restart_time
+        self._restore_base = restore_base
         self._allow_quit = allow_quit
         self._stopped_at: int | None = loop.simulation.step if loop.paused else None
         self._quitting = False
@@ -81,7 +85,7 @@ class RunState:
         """Handles GetSimulationState."""
         return GetSimulationState.Response(state=SimulationState(state=self.state), result=done())
 
-    def set(self, request: SetSimulationState.Request, call: Call) -> SetSimulationState.Response:
+    def set(self, request: SetSimulationState.Request, call: Call) -> Slow:
         """Handles SetSimulationState."""
         wanted, loop = request.state.state, self._loop
         if wanted not in (STOPPED, PLAYING, PAUSED, QUITTING):
@@ -106,8 +110,9 @@ class RunState:
             loop.goals.cancel("interrupted: the simulation was paused")
             loop.pause()
         else:
+            loop.goals.cancel("interrupted: the simulation was stopped")
             loop.pause()
-            self.reset_scopes(ALL)
+            yield from self.reset_scopes(ALL)
             self._stopped_at = loop.simulation.step
         return SetSimulationState.Response(result=done(note))
 
@@ -142,18 +147,20 @@ class RunState:
             raise RequestError(f"{goal.failure} ({taken} of {request.steps} steps were taken)")
         return StepSimulation.Response(result=done())
 
-    def reset(self, request: ResetSimulation.Request, call: Call) -> ResetSimulation.Response:
+    def reset(self, request: ResetSimulation.Request, call: Call) -> Slow:
         """Handles ResetSimulation."""
-        self.reset_scopes(_scopes(request.scope))
+        yield from self.reset_scopes(_scopes(request.scope))
         return ResetSimulation.Response(result=done())
 
-    def reset_scopes(self, scopes: int) -> None:
-        """Resets what the bits of `scopes` select, with one new epoch.
+    def reset_scopes(self, scopes: int) -> Generator[Wait, None, None]:
+        """Resets what the bits of `scopes` select, with one new epoch; yields what to wait for.
 
         Args:
             scopes: Sum of TIME, STATE and SPAWNED, or ALL.
         """
         loop, simulation = self._loop, self._loop.simulation
+        if scopes & SPAWNED:
+            yield from self._restore_base(scopes == ALL)
         if scopes & STATE:
             if scopes & TIME:
                 simulation.time.restart(simulation.step)

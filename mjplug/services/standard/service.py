@@ -1,10 +1,12 @@
 """Declares the 22 services of simulation_interfaces."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 from mjplug.config.standard_settings import StandardSettings
+from mjplug.model.library import Library
 from mjplug.physics.loop import Loop
+from mjplug.physics.scheduler import Wait
 from mjplug.plugin import Call, Host
 from mjplug.services.standard import features
 from mjplug.services.standard.bounds import bounds_of
@@ -15,6 +17,8 @@ from mjplug.services.standard.filters import selected
 from mjplug.services.standard.named_poses import NamedPoses
 from mjplug.services.standard.replies import UNSUPPORTED, ResultError, done, replying
 from mjplug.services.standard.run_state import RunState
+from mjplug.services.standard.spawning import Spawning
+from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.stepping.ownership import Ownership
 from mjplug_schemas import simulation_interfaces as standard
 from mjplug_schemas.message import Message, Service
@@ -27,6 +31,8 @@ def offer(
     ownership: Ownership,
     restart_time: Callable[[], None],
     world: standard.WorldResource,
+    builder: WorldBuilder | None = None,
+    library: Library | None = None,
 ) -> "Standard":
     """Declares the services.
 
@@ -37,11 +43,17 @@ def offer(
         ownership: Which client steps the server.
         restart_time: Sets simulated time to zero, without other changes.
         world: The loaded world.
+        builder: Changes the model; None if the model cannot be changed.
+        library: The models that clients may add.
     """
     entities = Entities(loop.simulation, entities_of(settings))
-    run = RunState(loop, entities, ownership, restart_time, settings.allow_quit)
+    spawning = None
+    if builder is not None:
+        spawning = Spawning(loop.simulation, entities, builder, library or Library(()))
+    restore_base = _nothing_to_restore if spawning is None else spawning.restore_base
+    run = RunState(loop, entities, ownership, restart_time, restore_base, settings.allow_quit)
     poses = NamedPoses(loop.simulation, places_of(settings))
-    offered = Standard(host, loop, settings, entities, run, poses, world)
+    offered = Standard(host, loop, settings, entities, run, poses, world, spawning)
     offered.declare()
     return offered
 
@@ -57,6 +69,7 @@ class Standard:
         run: The run state.
         poses: The named poses.
         world: The loaded world.
+        spawning: Adds and removes entities; None if the model cannot be changed.
     """
 
     def __init__(
@@ -68,11 +81,13 @@ class Standard:
         run: RunState,
         poses: NamedPoses,
         world: standard.WorldResource,
+        spawning: Spawning | None,
     ) -> None:
         self._host = host
         self._simulation = loop.simulation
         self._prefix = "{ns}" if settings.namespace is None else settings.namespace
-        self._features = features.Features(settings)
+        self._features = features.Features(settings, spawning is not None)
+        self._spawning = spawning
         self._entities = entities
         self._run = run
         self._poses = poses
@@ -99,15 +114,18 @@ class Standard:
             standard.GetCurrentWorld: self._get_current_world,
         }
         for unsupported in (
-            standard.SpawnEntity,
-            standard.SpawnEntities,
-            standard.DeleteEntity,
-            standard.GetSpawnables,
             standard.LoadWorld,
             standard.UnloadWorld,
             standard.GetAvailableWorlds,
         ):
             handlers[unsupported] = _unsupported
+        spawning = self._spawning
+        handlers |= {
+            standard.SpawnEntity: _unsupported if spawning is None else spawning.spawn,
+            standard.SpawnEntities: _unsupported if spawning is None else spawning.spawn_all,
+            standard.DeleteEntity: _unsupported if spawning is None else spawning.delete,
+            standard.GetSpawnables: _unsupported if spawning is None else spawning.spawnables,
+        }
         for service, handler in handlers.items():
             name = service_name(service)
             self._host.create_service(service, f"{self._prefix}/{name}", replying(handler, service.Response))
@@ -165,6 +183,10 @@ def service_name(service: type[Service]) -> str:
     """Returns the last part of a service's name: `get_entities` for GetEntities."""
     short = service.TYPE.rpartition("/")[2]
     return "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in short).lstrip("_")
+
+
+def _nothing_to_restore(deleted_too: bool) -> Generator[Wait, None, None]:
+    yield from ()
 
 
 def _unsupported(request: Message, call: Call) -> Message:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mjplug.errors import RequestError
 from mjplug.physics import physics_state
 from mjplug.physics.loop import Loop
+from mjplug.physics.model_change import ModelChange
 from mjplug.physics.model_digest import model_digest
 from mjplug.physics.part import Part
 from mjplug.physics.scheduler import Timer
@@ -31,7 +32,7 @@ class Keeper:
     """Saves and restores a loop with its parts.
 
     Attributes:
-        model_digest: Identifies the model, as it was before plugins were started.
+        model_digest: Identifies the model, as it was before plugins were started or as it was compiled last.
 
     Args:
         loop: The physics loop.
@@ -44,6 +45,10 @@ class Keeper:
         self._loop = loop
         self._seed = seed
         self._version = version
+        loop.on_model_changed.append(self._model_changed)
+
+    def _model_changed(self, change: ModelChange) -> None:
+        self.model_digest = change.digest
 
     def digest(self) -> str:
         """Returns the digest of the present state vector."""
@@ -72,6 +77,7 @@ class Keeper:
             step=simulation.step,
             time_ns=simulation.time_ns,
             time_origin=simulation.time.origin,
+            model_generation=simulation.generation,
             epoch=simulation.epoch,
             lineage=simulation.lineage,
             steps_since_reset=loop.recovery.steps_since_reset(simulation.step),
@@ -152,7 +158,10 @@ class Keeper:
         if header.mujoco != mujoco.__version__:
             raise RequestError(f"it was saved with MuJoCo {header.mujoco}; this server uses {mujoco.__version__}")
         if header.model != self.model_digest:
-            raise RequestError("it was saved with another model, or with another version or configuration of the model")
+            changed = "; entities were added or removed since the start" if loop.simulation.generation else ""
+            raise RequestError(
+                f"it was saved with another model, or with another version or configuration of the model{changed}"
+            )
         if not keep_time and header.step > loop.end_of_time:
             raise RequestError(f"its step is {header.step}; the last possible one is {loop.end_of_time}")
         loop.simulation.check(state.physics)

@@ -61,6 +61,7 @@ class Header(_Section):
         step: Steps taken.
         time_ns: Simulated time [ns].
         time_origin: The step number at which the time is zero.
+        model_generation: Number of changes of the model until the state was saved.
         epoch: Resets and restored states.
         lineage: See `Simulation.lineage`.
         steps_since_reset: Steps since the last automatic reset, at most 10.
@@ -89,6 +90,7 @@ class Header(_Section):
     parts: dict[str, PartHeader]
     holds: tuple[tuple[str, Whole], ...]
     time_origin: Whole = 0
+    model_generation: Whole = 0
 
     def to_json(self) -> bytes:
         """Returns the header as JSON; infinity is written as Python's `json` does."""
@@ -183,6 +185,7 @@ def describe(name: str, file: bool, header: Header, size: int) -> Snapshot:
         step=header.step,
         stamp=Time.from_ns(header.time_ns),
         epoch=header.epoch,
+        model_generation=header.model_generation,
         model_digest=header.model,
         digest=header.digest,
         size=size,

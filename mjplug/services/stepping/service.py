@@ -7,6 +7,7 @@ from mjplug.contracts.topics import Topics
 from mjplug.contracts.transport import BytesTransport
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
+from mjplug.physics.model_change import ModelChange
 from mjplug.physics.scheduler import Event
 from mjplug.physics.step_goals import StepGoal
 from mjplug.plugin import Call, Host, Slow
@@ -49,6 +50,7 @@ def offer(host: Host, loop: Loop, transport: BytesTransport, topics: Topics, key
     transport.watch_tokens(f"{tokens}/*", changed)
     loop.on_second.append(ownership.expire)
     ownership.on_left.append(stepping.owner_left)
+    loop.on_model_changed.append(stepping.model_changed)
     host.create_service(Step, "~/step", stepping.step, packed=True)
     return ownership
 
@@ -63,6 +65,7 @@ class _Plan:
         frame: The response in CDR, which contains `values`; None if the response is built as a message.
         inputs: The messages to handle before the first step.
         outputs: The topics whose samples are wanted.
+        generation: Number of changes of the model when the request was checked.
         begun: Whether the inputs have been handled.
         goal: The steps; None before they have begun, and if there are none.
     """
@@ -72,6 +75,7 @@ class _Plan:
     ) -> None:
         nu = observed.nu
         self.observed = observed
+        self.generation = loop.simulation.generation
         self._controls = checked_controls(request.ctrl, nu)
         self._next_control = self._next_value = 0
         self.actions = actions = len(self._controls) // nu if self._controls else 1
@@ -147,6 +151,13 @@ class _Stepping:
     def _is_present(self, client: str) -> bool:
         return not client or self._ownership.is_present(client)
 
+    def model_changed(self, change: ModelChange) -> None:
+        """Forgets the arrays of the previous model, and cancels steps that read or write them."""
+        self._observed.clear()
+        if self._goal is not None:
+            self._loop.goals.remove(self._goal)
+            self._goal.end("the model has changed")
+
     def _check_turn(self, client: str) -> None:
         """Checks that the simulation is paused, and that no other client steps it.
 
@@ -171,6 +182,8 @@ class _Stepping:
 
     def _take(self, plan: _Plan, client: str) -> None:
         """Handles the inputs and takes the steps, or begins to: `_goal` is then not None."""
+        if plan.generation != self._loop.simulation.generation:
+            raise RequestError("the model has changed while the request waited; send it again")
         self._ownership.claim(client)
         plan.begun = True
         if plan.inputs is not None:

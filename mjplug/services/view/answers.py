@@ -43,6 +43,10 @@ class MadeOnce(Generic[T]):
 
         self._inbox.post(lambda: self._wait(finish, request))
 
+    def forget(self) -> None:
+        """Discards the value, which belongs to another model; the next query lets it be made again. Physics thread."""
+        self.value = None
+
     def made(self, value: T) -> None:
         """Answers the queries that wait. Physics thread."""
         self.value = value

@@ -58,6 +58,8 @@ class Drags:
         self._refusals = Throttle(_REPORT_INTERVAL)
         self._timer = loop.wall_timers.create(self._check)
         loop.steppers.add(self)
+        # Bodies have other ids, so viewers must take them again.
+        loop.on_model_changed.append(lambda change: self.on_reset())
 
     @property
     def grips(self) -> tuple[Grip, ...]:

@@ -8,6 +8,7 @@ from mjplug.contracts.transport import BytesPublisher
 from mjplug.contracts.work import Job, Worker, WorkerPool, WorkerSpec
 from mjplug.physics.body_spring import Grip
 from mjplug.physics.loop import Loop
+from mjplug.physics.model_change import ModelChange
 from mjplug.services.view.overlays import PERTURBATION
 from mjplug.services.view.work import MODEL, SCENE, STREAMS, Context, Report, ViewWork
 
@@ -72,6 +73,18 @@ class Feed:
         if self._timer.due > self._used + LINGER:
             self._timer.set(self._used + LINGER)
 
+    def model_changed(self, change: ModelChange) -> None:
+        """Ends the worker of the previous model, and requests again what clients wait for."""
+        requested, self._requested = self._requested, set()
+        if self._worker is not None:
+            self._worker.stop()
+            self._worker = None
+        self._last = None
+        for task in requested:
+            self.request(task)
+        if any(publisher.matched for publisher in self._publishers.values()):
+            self._timer.set(perf_counter())
+
     def _matched(self) -> None:
         self._last = None
         self._timer.set(perf_counter())
@@ -120,23 +133,29 @@ class Feed:
 
     def _started(self) -> Worker:
         if self._worker is None:
+            generation = self._loop.simulation.generation
             spec = WorkerSpec(
                 "view",
                 ViewWork(),
                 tuple(self._publishers.values()),
                 save_later=True,
-                on_done=self._done,
-                on_lost=self._lost,
+                on_done=lambda job, reports: self._done(generation, job, reports),
+                on_lost=lambda tasks, reason: self._lost(generation, tasks, reason),
             )
             self._worker = self._workers.start(spec, self._loop.simulation, self._loop.inbox)
         return self._worker
 
-    def _done(self, job: Job, reports: Any) -> None:
+    def _done(self, generation: int, job: Job, reports: Any) -> None:
+        if generation != self._loop.simulation.generation:
+            # Of a worker of the previous model.
+            return
         self._made(job.tasks)
         for report in reports:
             self._on_made(report)
 
-    def _lost(self, tasks: frozenset[str], reason: str) -> None:
+    def _lost(self, generation: int, tasks: frozenset[str], reason: str) -> None:
+        if generation != self._loop.simulation.generation:
+            return
         self._made(tasks)
         for task in (SCENE, MODEL):
             if task in tasks:

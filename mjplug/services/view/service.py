@@ -7,6 +7,7 @@ from functools import partial
 from mjplug.contracts.transport import BytesPublisher, BytesQuery, Transport
 from mjplug.contracts.work import WorkerPool
 from mjplug.physics.loop import Loop
+from mjplug.physics.model_change import ModelChange
 from mjplug.services.view.answers import MadeOnce
 from mjplug.services.view.drag_message import MAX_BYTES
 from mjplug.services.view.drags import Drags
@@ -37,6 +38,8 @@ def offer(loop: Loop, transport: Transport, workers: WorkerPool, key: str, plugi
     def made(report: Report) -> None:
         if isinstance(report, Scene):
             scene.made(report)
+            # Viewers of a changed model get its drawing pack.
+            info.publish_changes(publisher, report)
         else:
             model.made(report)
 
@@ -64,6 +67,16 @@ def offer(loop: Loop, transport: Transport, workers: WorkerPool, key: str, plugi
     request_model = partial(feed.request, MODEL)
     transport.open_bytes_queryable(f"{view}/model", lambda query: model.answer(query, reply_model, request_model))
     publisher = transport.open_bytes_publisher(f"{view}/info", _JSON, lambda: None)
+
+    def model_changed(change: ModelChange) -> None:
+        known = scene.value is not None
+        scene.forget()
+        model.forget()
+        feed.model_changed(change)
+        if known and publisher.matched:
+            request_scene()
+
+    loop.on_model_changed.append(model_changed)
     loop.on_second.append(lambda now: info.publish_changes(publisher, scene.value))
     transport.open_bytes_subscription(f"{view}/drag", MAX_BYTES, drags.receive)
     transport.watch_leaving(f"{view}/viewer/*", lambda token: drags.left(token.rpartition("/")[2]))
@@ -83,7 +96,7 @@ class _Info:
         if scene is None or not publisher.matched:
             return
         loop = self._loop
-        state = loop.simulation.epoch, loop.paused, loop.pacer.speed
+        state = loop.simulation.epoch, loop.simulation.generation, loop.paused, loop.pacer.speed
         if state != self._published:
             self._published = state
             publisher.put(self.describe(scene))
@@ -98,6 +111,7 @@ class _Info:
             "timestep": float(loop.simulation.time.timestep),
             "epoch": loop.simulation.epoch,
             "step": loop.simulation.step,
+            "model_generation": loop.simulation.generation,
             "paused": loop.paused,
             "speed": loop.pacer.speed,
             "plugins": self._plugins,

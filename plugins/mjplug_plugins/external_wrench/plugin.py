@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
-from mjplug.plugin import Call, Diagnosis, Host, Parameters, Plugin, RequestError, Slow
+from mjplug.plugin import Call, Diagnosis, Event, Host, ModelChange, Parameters, Plugin, RequestError, Slow
 from mjplug.plugin.bundled import quoted
 from mjplug_plugins.external_wrench import markers
 from mjplug_plugins.external_wrench.active import ActiveWrenches
@@ -34,6 +34,25 @@ class ExternalWrenchParameters(Parameters):
     torque_arrow_scale: float = Field(default=0.1, ge=0, description="Arrow length per unit torque [m/(N·m)].")
 
 
+class _Waiting:
+    """A request that waits for the end of its wrenches.
+
+    Attributes:
+        wrenches: Its wrenches on bodies that are in the model.
+        all: The same as a set.
+        last: The step at which the longest wrench ends.
+        ended: Set when it has ended.
+        failure: Why a wrench ended early; empty if none did.
+    """
+
+    def __init__(self, wrenches: list[Wrench]) -> None:
+        self.wrenches = wrenches
+        self.all = set(wrenches)
+        self.last = max(wrench.end for wrench in wrenches)
+        self.ended = Event()
+        self.failure = ""
+
+
 class ExternalWrench(Plugin[ExternalWrenchParameters]):
     """Applies external wrenches to bodies for a duration of simulated time.
 
@@ -49,6 +68,7 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
         self._parameters = parameters
         self._active = ActiveWrenches(host.model, host.data)
         self._shown: dict[Wrench, int] = {}
+        self._requests: list[_Waiting] = []
         self._next_markers = 0
         self._alarm = host.create_alarm(self._end_past)
         self._timestep = float(host.model.opt.timestep)
@@ -68,6 +88,26 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
             active.apply(step)
         if step >= self._next_markers:
             self._show()
+
+    def on_model_changed(self, change: ModelChange) -> None:
+        """Lets the wrenches act on the same bodies as before; those on removed bodies end, and so do their requests."""
+        new_ids, active, shown = change.maps["body"], self._active, self._shown
+        moved = {wrench: wrench.on_body(self._host.data, int(new_ids[wrench.body])) for wrench, _ in active}
+        kept = {new: marker_id for old, marker_id in active if (new := moved[old]) is not None}
+        gone = [old for old, new in moved.items() if new is None]
+        next_id = active.next_id
+        self._end(gone)
+        self._active = ActiveWrenches(self._host.model, self._host.data)
+        self._active.replace(kept, next_id)
+        self._shown = {new: number for old, number in shown.items() if (new := moved.get(old)) is not None}
+        self._alarm.set(self._active.next_end)
+        for request in self._requests:
+            request.wrenches = [new for old in request.wrenches if (new := moved.get(old)) is not None]
+            if removed := sorted({wrench.body_name for wrench in gone if wrench in request.all}):
+                request.failure = f"the wrench has ended, because body {removed[0]!r} was removed"
+            request.all = set(request.wrenches)
+            if request.failure and not request.wrenches:
+                request.ended.set()
 
     def on_reset(self) -> None:
         """Ends all wrenches."""
@@ -111,8 +151,14 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
                 ApplyExternalWrench.Response(success=True, message=f"applying {count}, the longest for {longest:g} s")
             )
         self._start(wrenches)
-        # The alarm ends the wrenches. It was created before this request, so it fires first.
-        yield max(wrench.end for wrench in wrenches)
+        waiting = _Waiting(wrenches)
+        self._requests.append(waiting)
+        try:
+            yield waiting.ended
+        finally:
+            self._requests.remove(waiting)
+        if waiting.failure:
+            raise RequestError(waiting.failure)
         return ApplyExternalWrench.Response(success=True, message=f"applied {count}, the longest for {longest:g} s")
 
     def _parse(self, index: int, message: ExternalWrenchMsg) -> Wrench:
@@ -133,7 +179,10 @@ class ExternalWrench(Plugin[ExternalWrenchParameters]):
 
     def _end_past(self) -> None:
         """Ends the wrenches whose time is over."""
-        self._end(self._active.ended(self._host.step))
+        step = self._host.step
+        self._end(self._active.ended(step))
+        for request in [request for request in self._requests if request.last <= step]:
+            request.ended.set()
 
     def _end(self, wrenches: Sequence[Wrench]) -> None:
         self._active.remove(wrenches)

@@ -1,7 +1,7 @@
 """One wrench on one body: validation of a request, and the force at each step."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 
@@ -45,6 +45,13 @@ class Wrench:
     torque_com: Vec
     xmat: "memoryview[float]"
     xfrc_applied: "memoryview[float]"
+
+    def on_body(self, data: mujoco.MjData, body: int) -> "Wrench | None":
+        """Returns the same wrench on the body with another id in another state; None if the id is negative."""
+        if body < 0:
+            return None
+        xmat, xfrc_applied = float_view(data.xmat[body]), float_view(data.xfrc_applied[body])
+        return replace(self, body=body, xmat=xmat, xfrc_applied=xfrc_applied)
 
     def scale(self, elapsed: float) -> float:
         """Returns the factor of the ramp, from 1 to 0, at `elapsed` [s] since the start."""
