@@ -257,7 +257,9 @@ class Scheduler:
         self.next_due = NEVER
         self.failures = FailureLog(_log)
         self._now = now
-        self._heap: list[tuple[int, int, Callable[[int], None]]] = []
+        # Due step, order of creation, a unique number, and what to call.
+        self._heap: list[tuple[int, int, int, Callable[[int], None]]] = []
+        self._entries = itertools.count()
         self._order = itertools.count()
         self._timers: dict[Timer, int] = {}
         self._alarms: dict[Alarm, int] = {}
@@ -332,7 +334,7 @@ class Scheduler:
         """Runs everything that is due after `step` steps, ordered by due step, then by creation."""
         heap = self._heap
         while heap and heap[0][0] <= step:
-            _, _, run = heapq.heappop(heap)
+            _, _, _, run = heapq.heappop(heap)
             run(step)
         self.next_due = heap[0][0] if heap else NEVER
 
@@ -367,7 +369,7 @@ class Scheduler:
             self._push_alarm(alarm)
 
     def _push(self, due: int, order: int, run: Callable[[int], None]) -> None:
-        heapq.heappush(self._heap, (due, order, run))
+        heapq.heappush(self._heap, (due, order, next(self._entries), run))
         self.next_due = self._heap[0][0]
 
     def _push_timer(self, order: int, timer: Timer) -> None:
@@ -389,7 +391,6 @@ class Scheduler:
     def _push_alarm(self, alarm: Alarm) -> None:
         if alarm.due == NEVER:
             return
-        # Always the same function, because equal entries of the heap are compared by it.
         self._push(alarm.due, self._alarms[alarm], alarm.fire)
 
     def _wake_up(self, call: WaitingCall) -> Callable[..., None]:

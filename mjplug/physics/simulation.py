@@ -117,7 +117,8 @@ class Simulation:
         self._initial = replacement.initial
         self.spawned = replacement.spawned
         self.generation = replacement.change.generation
-        self.holds.clear()
+        for hold in tuple(self.holds):
+            hold.release()
         self._holders.clear()
         self._controllers.clear()
         self._summed_time = self.data.time
