@@ -47,8 +47,8 @@ SCENE = """
     <body name="car" pos="0 -3 0">
       <freejoint name="car"/>
       <geom type="box" size=".3 .2 .05" mass="2"/>
-      <body name="left" pos="0 .2 0"><joint name="left" axis="0 1 0"/><geom type="sphere" size=".1" mass=".2"/></body>
-      <body name="right" pos="0 -.2 0"><joint name="right" axis="0 1 0"/><geom type="sphere" size=".1" mass=".2"/></body>
+      <body name="left" pos="0 .2 0"><joint name="left" axis="0 1 0"/><geom size=".1" mass=".2"/></body>
+      <body name="right" pos="0 -.2 0"><joint name="right" axis="0 1 0"/><geom size=".1" mass=".2"/></body>
     </body>
   </worldbody>
   <actuator>
