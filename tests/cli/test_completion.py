@@ -104,7 +104,8 @@ def test_other_shells_complete_saved_states_too(serve, shell):
     line = "mjplug sim restore gr"
     asking = {
         "_MJPLUG_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": line,
-        "_TYPER_COMPLETE_FISH_ACTION": "get-args", "COMP_WORDS": line, "COMP_CWORD": "3", "MJPLUG_CONNECT": server.endpoint,
+        "_TYPER_COMPLETE_FISH_ACTION": "get-args", "COMP_WORDS": line, "COMP_CWORD": "3",
+        "MJPLUG_CONNECT": server.endpoint,
     }  # fmt: skip
     done = subprocess.run(
         COMMAND, env=environment(asking), capture_output=True, text=True, timeout=STARTING, check=False
