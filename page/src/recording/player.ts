@@ -39,12 +39,12 @@ export function install({ source, stage, shell }: App): void {
     setText(clock, text);
   };
   const toggle = () => {
-    if (!source.playing && source.position >= source.duration) source.seek(0);
+    if (!source.playing && source.position >= source.duration) void source.seek(0);
     source.playing = !source.playing && source.duration > 0;
     update();
   };
   const seek = (position: number) => {
-    source.seek(position);
+    void source.seek(position);
     update();
   };
   const step = (direction: -1 | 1) => void source.step(direction).then(update);
@@ -69,7 +69,7 @@ export function install({ source, stage, shell }: App): void {
   stage.onWorld(() => source.refresh());
   stage.beforeDraw((seconds) => {
     if (!source.playing) return;
-    source.advance(seconds);
+    void source.advance(seconds);
     update();
   });
   update();

@@ -56,17 +56,17 @@ export class Recording implements Source {
     if (on) void this.#show();
   }
 
-  /** Goes on by some time of the page [s]; ends at the last frame. */
-  advance(seconds: number): void {
+  /** Goes on by some time of the page [s]; ends at the last frame. Resolves when the new position is shown. */
+  async advance(seconds: number): Promise<void> {
     if (!this.playing) return;
     if (this.#position >= this.duration) this.playing = false;
-    else this.seek(this.#position + this.rate * seconds);
+    else await this.seek(this.#position + this.rate * seconds);
   }
 
-  /** Shows a position [s]. */
-  seek(position: number): void {
+  /** Shows a position [s]. Resolves when it is shown, or another one has been asked for meanwhile. */
+  async seek(position: number): Promise<void> {
     this.#position = Math.min(this.duration, Math.max(0, position));
-    void this.#show();
+    await this.#show();
   }
 
   /** Shows the frame before or after the present one. */
@@ -78,7 +78,7 @@ export class Recording implements Source {
     const chunks = await Promise.all([index - 1, index, index + 1].map((each) => this.#read(each)));
     const frames = chunks.flatMap((items) => items?.frames ?? []);
     const next = frames[frames.findIndex(({ time }) => time === frame.time) + direction];
-    if (next !== undefined) this.seek(next.time - this.#chunks[0]!.from);
+    if (next !== undefined) await this.seek(next.time - this.#chunks[0]!.from);
   }
 
   /** Delivers the present frame again, for a scene that has just been loaded. */
