@@ -9,6 +9,7 @@ import pytest
 from cli.client import wrench, wrenches
 from cli.conftest import WORLD
 from cli.process import COMMAND
+from waits import until
 
 ROS_PARAMETERS = """\
 /**:
@@ -149,18 +150,18 @@ def test_a_keyframe_may_have_any_name_and_an_endpoint_any_address(cli, tmp_path)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    ("speed", "simulated", "least", "most"),
-    # A busy machine makes it longer, but never shorter; at the speed of real time, it would be 0.25 s and 2 s.
-    [("0.5", 0.25, 0.45, 10.0), ("2", 2.0, 0.9, 1.9)],
-)
+@pytest.mark.parametrize(("speed", "simulated", "least", "most"), [("0.5", 0.25, 0.45, 0.7), ("2", 1.0, 0.45, 0.7)])
 def test_simulated_time_advances_at_the_configured_speed(serve, connect, speed, simulated, least, most):
     clock = connect(serve("bundled:box", "--speed", speed)).listen("clock/@json")
 
     def seconds(tick):
         return tick["clock"]["sec"] + tick["clock"]["nanosec"] / 1e9
 
-    start = seconds(clock.next())
-    began = time.monotonic()
-    clock.until(lambda tick: seconds(tick) >= start + simulated)
-    assert least < time.monotonic() - began < most
+    def duration():
+        """How long the simulated time takes [s]; a busy machine may make it longer, and then shorter to catch up."""
+        clock.forget()
+        start, began = seconds(clock.next()), time.monotonic()
+        clock.until(lambda tick: seconds(tick) >= start + simulated)
+        return time.monotonic() - began
+
+    until(lambda: least < duration() < most)

@@ -5,9 +5,9 @@ import os
 import select
 import signal
 import socket
-import time
 
 import pytest
+from waits import TIMEOUT
 from worker import works
 
 from mjplug.worker import supervisor as module
@@ -220,10 +220,9 @@ def ended(pid, within):
 def test_what_a_work_has_started_does_not_keep_the_server_from_ending(server):
     told = server.order(works.Forks()).wait_for_ready()
     _, forked = told.perform("a")
-    began = time.monotonic()
+    # Otherwise, this would wait for ever.
     server.workers.close()
-    assert time.monotonic() - began < 3.0
-    assert ended(forked, within=30.0)
+    assert ended(forked, within=TIMEOUT)
 
 
 def test_a_work_that_opened_once_is_tried_again_and_again(server, tmp_path, monkeypatch):
@@ -247,9 +246,8 @@ def test_closing_ends_a_process_that_is_busy(server, tmp_path):
     os.mkfifo(gate)
     told = server.order(works.Waits(gate)).wait_for_ready()
     told.submit(["a"])
-    began = time.monotonic()
+    # Otherwise, this would wait for ever.
     server.workers.close()
-    assert time.monotonic() - began < 3.0
     assert told.lost == []
 
 
