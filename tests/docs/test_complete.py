@@ -36,7 +36,9 @@ TESTING = "testing.md"
 
 SETTINGS = rows(section(CONFIGURATION, "Settings").partition("### ")[0])
 
-CLASSES = {registry.find(name) for name in registry.registered()}
+# `registry.find` reads the entry points of all packages each time.
+NAMES = {name: point.load() for name, point in registry.registered().items()}
+CLASSES = set(NAMES.values())
 
 
 def as_yaml(value):
@@ -90,7 +92,7 @@ def test_every_key_of_a_plugin_entry_is_described():
 def test_every_plugin_has_a_section_with_its_names_and_parameters(plugin_class):
     text = section(PLUGINS, plugin_class.__name__)
     table = rows(text)
-    names = {name for name in registry.registered() if registry.find(name) is plugin_class}
+    names = {name for name, found in NAMES.items() if found is plugin_class}
     (types,) = re.findall(r"^Type: (.*)\.$", text, re.MULTILINE)
     assert set(re.findall(r"`([^`]+)`", types)) == names
     fields = plugin_class.parameters_type.model_fields

@@ -11,7 +11,7 @@ from mjplug.plugin import Parameters, Plugin, registry
 from mjplug.testing import World
 from mjplug_schemas.names import validate_name
 
-CLASSES = sorted({registry.find(name) for name in registry.registered()}, key=lambda c: c.__name__)
+CLASSES = sorted({point.load() for point in registry.registered().values()}, key=lambda c: c.__name__)
 
 REQUIRED: dict[str, dict[str, object]] = {
     "BaseVelocity": {"body": "cube"},
