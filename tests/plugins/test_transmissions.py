@@ -271,6 +271,25 @@ def test_a_command_for_one_side_ends_a_trajectory_of_the_other():
     assert world.data.ctrl[:2].tolist() == [0.0, 0.0]
 
 
+def test_goals_of_actions_move_derived_coordinates_and_end_by_commands_for_the_other_side():
+    world = world_of(PLAIN, robot())
+    action = "/arm/follow_joint_trajectory"
+    goal = world.send_goal(action, FollowJointTrajectory.Goal(trajectory=trajectory(ACTUATORS, [0.6, -0.2])))
+    for _ in range(2000):
+        if goal.ended:
+            break
+        world.loop.step(1)
+    assert goal.result.error_code == FollowJointTrajectory.Result.SUCCESSFUL
+    assert world.data.qpos[:2] == pytest.approx(joints_of(PLAIN, (0.6, -0.2), "position"), abs=0.01)
+    goal = world.send_goal(action, FollowJointTrajectory.Goal(trajectory=trajectory(ACTUATORS, [0.0, 0.0])))
+    world.loop.step(50)
+    command(world, ["joint2"], position=[0.4])
+    world.loop.step(1)
+    assert goal.ended
+    assert "replaced by another command for joint joint2" in goal.result.error_string
+    assert world.data.ctrl[1] == 0.4
+
+
 def test_groups_mimic_and_resets_work_with_derived_coordinates():
     world = world_of(
         PLAIN,
