@@ -150,7 +150,7 @@ def load_received(
         done(robot)
         return robot.load()
     check_received(model, received_packages(options, environ))
-    return load_file(str(model.path), environ=environ)
+    return load_model(str(model.path), options=options, environ=environ)
 
 
 def converted_received(

@@ -59,7 +59,7 @@ def _read_topic(uri: str, draft: Draft, sets: Sequence[str | Option | Setting], 
         namespace = draft.finish().settings.namespace
         if f"{namespace}/robot_description" == received.topic:
             # Otherwise two latched publishers would offer two descriptions to late subscribers.
-            _log.info("%s is not published by this server too", received.topic)
+            _log.info("this server does not publish %s, because its model comes from there", received.topic)
             del plugins["robot_description"]
         draft = read(uri, sets=sets, environ=environ, defaults={"plugins": plugins})
     draft.received = received

@@ -80,6 +80,12 @@ class OpenedServer:
             spawnables = prepared.loaded.spawnable_folders
             self.server = Server(settings, simulation, self.calls, prepared.plugins, workers, model, folder, spawnables)
             closing.callback(self.server.end)
+            if prepared.topic in [publisher.topic.name for publisher in self.network.publishers]:
+                _log.warning(
+                    "this server publishes %s, where its model comes from: late subscribers get two descriptions; give "
+                    "the plugin another topic, or leave it out",
+                    prepared.topic,
+                )
             loop, physics_thread = self.server.loop, threading.get_ident()
             self.network.open_calls.replies.may_wait = lambda: loop.paused and threading.get_ident() == physics_thread
             # The program that runs the server steps it as a client that is always present.

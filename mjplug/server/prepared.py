@@ -40,6 +40,7 @@ class Prepared:
         model: The model and its file.
         simulation: The model and its initial state.
         changes: Undoes the changes to the process.
+        topic: The topic that the model comes from; empty if it comes from a file.
     """
 
     loaded: Loaded
@@ -47,6 +48,7 @@ class Prepared:
     model: LoadedModel
     simulation: Simulation
     changes: ExitStack
+    topic: str = ""
 
     @property
     def name(self) -> str:
@@ -109,7 +111,8 @@ def prepare(draft: Draft, classes: Classes = MappingProxyType({})) -> Prepared:
         take_starting_pose(simulation, loaded, keyframe)
         if not keyframe and (keyframes := simulation.keyframes()):
             _log.info("the model starts in its default pose; other keyframes (--keyframe): %s", ", ".join(keyframes))
-        return Prepared(loaded, plugins, model, simulation, changes.pop_all())
+        topic = "" if received is None else received.topic
+        return Prepared(loaded, plugins, model, simulation, changes.pop_all(), topic)
 
 
 def _load_engine_plugins(loaded: Loaded) -> None:

@@ -179,6 +179,23 @@ def test_a_configuration_can_name_the_topic(closing, network):
         assert server.model.ngeom == 1
 
 
+def test_a_server_that_publishes_a_second_description_on_the_topic_says_so(closing, network, caplog):
+    endpoint, client = network
+    latched(closing, client, "robot_description", MJCF.encode())
+    for topic, warned in (("/robot_description", True), ("/other", False)):
+        caplog.clear()
+        plugins = {"description": {"type": "robot_description", "topic": topic}}
+        with served(endpoint, plugins=plugins, run=False):
+            assert ("where its model comes from: late subscribers get two descriptions" in caplog.text) == warned
+
+
+def test_mjcf_from_a_topic_can_be_put_into_a_scene(closing, network):
+    endpoint, client = network
+    latched(closing, client, "robot_description", MJCF.encode())
+    with served(endpoint, settings={"model_options": {"scene": "tabletop"}}, run=False) as server:
+        assert server.model.geom("scene_floor").name == "scene_floor"
+
+
 def refusal(endpoint, **options):
     with pytest.raises(ModelError) as refused:
         served(endpoint, settings=QUICK, run=False, **options)
