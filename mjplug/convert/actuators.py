@@ -48,7 +48,7 @@ class Drive:
         damping: Damping [N m s/rad, N s/m].
         kp: Gain of a position servo [N m/rad, N/m].
         kv: Damping of a position servo, or gain of a velocity servo [N m s/rad, N s/m].
-        gravcomp: Whether the servo compensates gravity.
+        gravcomp: Whether the servo, or the PID of the motor, is helped by a compensation of gravity.
     """
 
     joint: str
@@ -135,7 +135,8 @@ class DriveRules:
         if kind == "velocity":
             kv = max(effort / (_VELOCITY_ERROR * velocity), 20.0 * joint.damping)
             return Drive(joint.name, kind, effort, armature, damping, kv=kv)
-        return Drive(joint.name, kind, effort, armature, damping)
+        compensates = joint.name in self.control.controlled and kind == "motor" and self._compensates()
+        return Drive(joint.name, kind, effort, armature, damping, gravcomp=compensates)
 
     def _compensates(self) -> bool:
         return not self.free if self.options.gravcomp == "auto" else self.options.gravcomp == "on"
@@ -182,9 +183,6 @@ def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], controlled: Coll
             if joint.range is not None:
                 attributes["ctrlrange"] = exactly(joint.range)
             SubElement(section, "position", attributes)
-            if drive.gravcomp:
-                element.set("actuatorgravcomp", "true")
-                compensating = True
             values = f"kp {drive.kp:.3g}, kv {drive.kv:.3g}"
         elif drive.kind == "velocity":
             attributes = common | {"kv": exactly([drive.kv])}
@@ -195,6 +193,9 @@ def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], controlled: Coll
         else:
             SubElement(section, "motor", common | {"ctrlrange": exactly([-drive.effort, drive.effort])})
             values = ""
+        if drive.gravcomp:
+            element.set("actuatorgravcomp", "true")
+            compensating = True
         detail = ", ".join(filter(None, (values, f"armature {drive.armature:.3g}")))
         report.add("guess", f"{drive.kind} actuator", drive.joint, detail)
         if drive.kind == "motor" and drive.joint not in controlled:
@@ -204,8 +205,8 @@ def write_drives(mjcf: Mjcf, robot: Robot, drives: list[Drive], controlled: Coll
                 drive.joint,
             )
     if compensating:
-        # At a joint with a motor, the compensation would act without its actuator.
-        motors = [robot.joints[drive.joint].child for drive in drives if drive.kind == "motor"]
+        # At a joint with a motor that nothing controls, the compensation would act without its actuator.
+        motors = [robot.joints[drive.joint].child for drive in drives if drive.kind == "motor" and not drive.gravcomp]
         uncompensated = {robot.root, *motors, *(below.child for link in motors for below in robot.walk(link))}
         for name, body in mjcf.bodies.items():
             if body.tag == "body" and robot.group_root(name) not in uncompensated:

@@ -164,6 +164,17 @@ def actuator_elements(folder):
     return list(ElementTree.parse(folder / "arm" / "robot.xml").getroot().find("actuator"))
 
 
+def test_motors_with_pids_are_helped_against_gravity_like_servos(tmp_path):
+    (tmp_path / "pids.yaml").write_text(GAINS.format(*JOINTS))
+    hardware = HARDWARE.format('<param name="pids_config_file">pids.yaml</param>')
+    for option, expected in (("auto", [True, True, True]), ("off", [False, False, False])):
+        conversion, model = converted(tmp_path, hanging(hardware + EVERY_JOINT), gravcomp=option)
+        helped = [bool(model.jnt_actgravcomp[model.joint(name).id]) for name in (*JOINTS, "left_finger")]
+        assert helped == expected
+        assert [bool(model.body(name).gravcomp[0]) for name in ("first", "second")] == expected[:2]
+        assert not any("do not hold a pose" in topic for topic, _ in notes(conversion, "warning"))
+
+
 def test_if_both_sides_have_gains_those_of_the_actuators_are_used(tmp_path):
     text = GAINS.format(*JOINTS) + GAINS.format("motor1", "motor2").partition("position:")[2]
     (tmp_path / "pids.yaml").write_text(text)

@@ -9,11 +9,14 @@ import threading
 from contextlib import ExitStack
 
 import pytest
+import typer
 import zenoh
 from zenoh.ext import CacheConfig, declare_advanced_publisher
 
+from mjplug.cli.received import receive_description
 from mjplug.client import connect
 from mjplug.config.problem import ConfigError
+from mjplug.convert.load import load_model
 from mjplug.errors import ModelError, WireError
 from mjplug.server.open_server import open_server
 from mjplug.wire.endpoints import with_free_port
@@ -270,34 +273,32 @@ def test_a_name_that_is_no_topic_is_refused():
         open_server("topic:/a", settings={"model_timeout": 0.0}, run=False)
 
 
-def convert(*arguments):
-    command = [sys.executable, "-m", "mjplug", "convert", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-
-
 def test_convert_writes_the_robot_on_a_topic_into_a_folder(closing, network, tmp_path):
     endpoint, client = network
-    publisher = latched(closing, client, ROS_KEY, String(data=PLAIN).to_cdr(), attachment())
-    done = convert("topic:/robot_description", "-o", str(tmp_path / "out"), "--connect", endpoint)
+    latched(closing, client, ROS_KEY, String(data=PLAIN).to_cdr(), attachment())
+    command = [sys.executable, "-m", "mjplug", "convert", "topic:/robot_description"]
+    command += ["-o", str(tmp_path / "out"), "--connect", endpoint]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("pendulum: 2 links, 1 moving joint, 1 position servo, fixed base")
     assert "waiting for a message on /robot_description" in done.stderr
     assert (tmp_path / "out" / "mjplug.yaml").is_file()
-    publisher.put(String(data=MJCF).to_cdr(), attachment=attachment())
-    done = convert("topic:/robot_description", "-o", str(tmp_path / "two"), "--connect", endpoint)
-    assert done.returncode != 0
-    assert "is MJCF, which needs no conversion; run it: mjplug serve topic:/robot_description" in done.stderr
 
 
 def test_convert_needs_the_full_name_of_a_topic_and_a_router():
-    done = convert("topic:robot_description")
-    assert "a full name must start with '/'" in done.stderr
-    done = convert("topic:/robot_description", "--connect", with_free_port("tcp/127.0.0.1:0"), "--timeout", "5")
-    assert done.returncode != 0
-    assert "Traceback" not in done.stderr
+    with pytest.raises(typer.BadParameter, match="a full name must start with '/'"):
+        receive_description("topic:robot_description", None, 1.0)
+    with pytest.raises(WireError):
+        receive_description("topic:/robot_description", with_free_port("tcp/127.0.0.1:0"), 1.0)
+
+
+def test_mjcf_needs_no_conversion(closing, network):
+    endpoint, client = network
+    latched(closing, client, ROS_KEY, String(data=MJCF).to_cdr(), attachment())
+    with pytest.raises(ModelError, match="is MJCF, which needs no conversion; run it: mjplug serve topic:/robot_desc"):
+        receive_description("topic:/robot_description", endpoint, 30.0)
 
 
 def test_commands_that_do_not_wait_say_so():
-    command = [sys.executable, "-m", "mjplug", "model", "info", "topic:/robot_description"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert "only `mjplug serve`, `mjplug convert` and `open_server` wait for a model from a topic" in done.stderr
+    with pytest.raises(ModelError, match="only `mjplug serve`, `mjplug convert` and `open_server` wait for a model"):
+        load_model("topic:/robot_description")
