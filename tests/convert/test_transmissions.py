@@ -171,7 +171,7 @@ def test_motors_with_pids_are_helped_against_gravity_like_servos(tmp_path):
         conversion, model = converted(tmp_path, hanging(hardware + EVERY_JOINT), gravcomp=option)
         helped = [bool(model.jnt_actgravcomp[model.joint(name).id]) for name in (*JOINTS, "left_finger")]
         assert helped == expected
-        assert [bool(model.body(name).gravcomp[0]) for name in ("first", "second")] == expected[:2]
+        assert [bool(model.body_gravcomp[model.body(name).id]) for name in ("first", "second")] == expected[:2]
         assert not any("do not hold a pose" in topic for topic, _ in notes(conversion, "warning"))
 
 
