@@ -37,8 +37,8 @@ class Received:
         self.lines = []
 
     def load(self, text, **options):
-        def done(report):
-            self.lines = list(report.lines())
+        def done(robot):
+            self.lines = list(robot.report().lines())
 
         stored = store(TOPIC, text, self.cache)
         return load_received(stored, ConversionOptions(**options), self.environ, done=done)
