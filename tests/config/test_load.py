@@ -42,8 +42,8 @@ ros_params: [no.yaml]
     here = Path.cwd()
     assert refusal(config, text) == (
         "c.yaml: error: no model: write `model: FILE`, or give --model FILE\n"
-        "c.yaml:1:1: error: modle: unknown key; known: frame_prefix, model, model_options, namespace, node_name, "
-        "on_plugin_error, plugins, remap, ros2, ros_params, sim, simulation_interfaces, snapshots, zenoh\n"
+        "c.yaml:1:1: error: modle: unknown key; known: frame_prefix, model, model_options, model_timeout, namespace, "
+        "node_name, on_plugin_error, plugins, remap, ros2, ros_params, sim, simulation_interfaces, snapshots, zenoh\n"
         "    1 | modle: scene.xml\n"
         "      | ^ did you mean 'model'?\n"
         "c.yaml:2:12: error: node_name: Input should be text, not true\n"

@@ -32,6 +32,7 @@ def test_defaults_are_those_of_the_documentation():
             "max_faces": 20_000,
             "strict": False,
         },
+        "model_timeout": 120.0,
         "node_name": "mjplug",
         "namespace": "",
         "frame_prefix": "",
