@@ -85,8 +85,13 @@ class SensorWriter:
                 )
                 continue
             if name in rangefinders:
+                self.scans[name] = {
+                    key: floats(parameters[key], 1, f"{key} of sensor {name!r}")[0]
+                    for key in ("range_min", "range_max")
+                    if parameters.get(key)
+                }
                 if parameters.get("laserscan_topic"):
-                    self.scans[name] = {"laserscan_topic": parameters["laserscan_topic"]}
+                    self.scans[name]["laserscan_topic"] = parameters["laserscan_topic"]
                 continue
             kind = parameters.get("mujoco_type") or _kind_of(element)
             source = parameters.get("mujoco_sensor_name") or name
