@@ -101,7 +101,9 @@ def build_scene(name: str, robot: str, place: Placement, taken: set[str], given:
     path = Path(name)
     if not path.is_file():
         raise unknown_scene(name)
-    return _from_file(path, taken)
+    scene = _from_file(path, taken)
+    scene.root.set("model", robot)
+    return scene
 
 
 def unknown_scene(name: str) -> ModelError:
