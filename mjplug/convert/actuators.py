@@ -33,6 +33,9 @@ _VELOCITY_ERROR = 0.02
 """Part of the velocity limit at which a velocity servo applies its largest force."""
 
 _DEFAULT_VELOCITY = 10.0
+_MIN_SPEED = 3.0
+"""Speed that a joint reaches against its damping with a guessed effort limit [rad/s, m/s]."""
+
 _WHEEL_LEVER = 0.1
 
 
@@ -143,8 +146,17 @@ class DriveRules:
 
     def _effort(self, joint: Joint, kind: ActuatorKind | None, inertia: float, gravity: float) -> float:
         if joint.effort is not None and joint.effort < _MAX_EFFORT:
+            if kind == "position" and gravity > joint.effort:
+                # Some robots carry their arms with springs, which a URDF does not contain.
+                unit = "N" if joint.type == "prismatic" else "N m"
+                self.report.add(
+                    "warning",
+                    "effort limit below what gravity needs in some poses, so the joint sags",
+                    joint.name,
+                    f"{joint.effort:.3g} of {gravity:.3g} {unit}",
+                )
             return joint.effort
-        effort = max(3.0 * gravity, 20.0 * inertia, 3.0 * joint.friction, 1e-3)
+        effort = max(3.0 * gravity, 20.0 * inertia, 3.0 * joint.friction, _MIN_SPEED * joint.damping, 1e-3)
         if joint in self.wheels:
             # Twice the torque at which the wheels slip, so that skid steering turns.
             lever = max(_WHEEL_LEVER, 2.0 * self.wheel_radius)

@@ -103,6 +103,32 @@ def test_without_gravity_compensation_an_arm_sags(tmp_path):
     assert not model.body_gravcomp.any()
 
 
+def test_a_guessed_effort_limit_overcomes_the_damping(tmp_path):
+    text = robot(
+        link("base", shape=BOX),
+        link("head", 0.5),
+        joint("pan", "base", "head", xyz="0 0 0.3", axis="0 0 1", more='<dynamics damping="0.7"/>'),
+    ).replace('effort="20"', 'effort="50000"')
+    _, model = converted(tmp_path, text)
+    data = at_home(model)
+    data.actuator("pan").ctrl[0] = 0.2
+    mujoco.mj_step(model, data, 150)
+    assert data.joint("pan").qpos[0] > 0.126, "63 % after 0.3 s"
+
+
+def test_a_joint_that_is_too_weak_for_its_weight_is_reported(tmp_path):
+    text = ARM.replace('effort="20"', 'effort="5"', 1)
+    conversion, model = converted(tmp_path, text)
+    topic = "effort limit below what gravity needs in some poses, so the joint sags"
+    assert notes(conversion, "warning") == [(topic, "shoulder")]
+    data = at_home(model)
+    data.joint("shoulder").qpos[0] = data.actuator("shoulder").ctrl[0] = 1.2
+    mujoco.mj_step(model, data, 2000)
+    assert abs(data.joint("shoulder").qpos[0] - 1.2) > 0.1
+    conversion, _ = converted(tmp_path, ARM)
+    assert notes(conversion, "warning") == []
+
+
 def test_a_step_is_followed_quickly_and_without_much_overshoot(tmp_path):
     _, model = converted(tmp_path, ARM)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
