@@ -113,9 +113,7 @@ def test_a_configuration_starts_a_server_and_a_wrong_one_is_refused(story, reade
     # Nobody publishes the topic here.
     uri = "bundled:arm" if loaded.settings.model.startswith("topic:") else loaded.settings.model
     model = load_model(uri, folder)
-    Server(
-        loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkerPool(), model.path
-    ).cleanup()
+    Server(loaded.settings, Simulation(model.model), OfflineTransport(), plugins, OfflineWorkerPool(), model).cleanup()
 
 
 @of("json")
