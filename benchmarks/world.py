@@ -85,20 +85,13 @@ def client(endpoint: str) -> Iterator[zenoh.Session]:
 
 
 class BareLoop:
-    """A loop of `mj_step(nstep=100)` on the same model, from the same state.
+    """A loop of `mj_step(nstep=100)` on the same model, from the same state."""
 
-    Args:
-        uri: The model.
-        pushed: Name of a body on which a constant force acts that is too weak to move it; empty for none.
-    """
-
-    def __init__(self, uri: str, pushed: str = "") -> None:
+    def __init__(self, uri: str) -> None:
         self._model = model_of(uri)
         self._data = mujoco.MjData(self._model)
         if self._model.nkey:
             mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
-        if pushed:
-            self._data.body(pushed).xfrc_applied[0] = 1e-9
 
     def steps_per_second(self, steps: int) -> float:
         """Runs `steps` steps, a multiple of 100, and returns the steps per second."""
