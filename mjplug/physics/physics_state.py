@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
+_FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+
 _BEFORE_HISTORY = int(
     mujoco.mjtState.mjSTATE_TIME
     | mujoco.mjtState.mjSTATE_QPOS
@@ -142,6 +144,13 @@ def put_back(
     if time is not None:
         shift(model, data, time - data.time)
         data.time = time
+
+
+def put_back_forces(model: mujoco.MjModel, data: mujoco.MjData, state: PhysicsState) -> None:
+    """Sets the applied forces of a state that `check` has accepted."""
+    forces = np.empty(mujoco.mj_stateSize(model, _FORCES))
+    mujoco.mj_extractState(model, state.vector, _STATE, forces, _FORCES)
+    mujoco.mj_setState(model, data, forces, _FORCES)
 
 
 def shift(model: mujoco.MjModel, data: mujoco.MjData, seconds: float) -> None:

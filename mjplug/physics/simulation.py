@@ -292,6 +292,10 @@ class Simulation:
         owner = body.partition("/")[0]
         return owner if owner in self.spawned else body
 
+    def put_back_forces(self, state: PhysicsState) -> None:
+        """Sets `xfrc_applied` and `qfrc_applied` of a state that `check` has accepted."""
+        physics_state.put_back_forces(self.model, self.data, state)
+
     def keyframes(self) -> list[str]:
         """Returns the name of each keyframe, or its index if it is unnamed."""
         return self._fitted.keyframes

@@ -170,8 +170,9 @@ def _restore(tally, world, index, errors):
     call = world.request("restore_state", RestoreState, name="x", file=True, strict=bool(index % 2))
     if call.refusal is not None:
         tally.count("refused")
-        if (world.digest(), world.simulation.step, world.simulation.epoch, len(world.wrench._active)) != before:
-            tally.find(index, f"refused, but something has changed: {call.refusal}")
+        after = world.digest(), world.simulation.step, world.simulation.epoch, len(world.wrench._active)
+        if after != before:
+            tally.find(index, f"refused, but {before} is now {after}: {call.refusal}")
         if not 5 < len(call.refusal) < 5000 or "internal error" in call.refusal:
             tally.find(index, f"the answer is {call.refusal[:300]!r}")
     elif call.response.snapshot.left_out:

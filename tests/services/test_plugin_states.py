@@ -284,3 +284,18 @@ def test_wrench_plugins_of_two_instances_keep_their_wrenches():
     world.call("/two/apply_wrench", request(push("top", (0, 0, 9), duration=2.0)))
     world.restore(strict=True)
     assert (len(one._active), len(two._active)) == (1, 0)
+
+
+def test_the_digest_after_a_restore_is_the_saved_one_if_only_a_wrench_acts():
+    """Its plugin stops and starts again in the restore, and would leave no force."""
+    world = StateWorld(plugins=False)
+    world.wrench = world.add(ExternalWrench, "wrench")
+    world.push(push("top", (0, 0, 9), duration=2.0))
+    world.step(20)
+    saved, forces = world.save().snapshot.digest, world.data.xfrc_applied.copy()
+    assert forces.any()
+    assert world.digest() == saved
+    world.step(30)
+    world.restore(strict=True)
+    assert world.digest() == saved
+    assert np.array_equal(world.data.xfrc_applied, forces)

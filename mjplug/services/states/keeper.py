@@ -14,6 +14,7 @@ from mjplug.physics.model_change import ModelChange
 from mjplug.physics.model_digest import model_digest
 from mjplug.physics.part import Part
 from mjplug.physics.scheduler import Timer
+from mjplug.printable import one_line
 from mjplug.services.states.saved_state import (
     ASLEEP,
     PLUGINS,
@@ -217,6 +218,8 @@ class Keeper:
             elif part.stepper is not None:
                 restored.append(part.stepper)
         self._order_holds(header)
+        # Plugins that were stopped meanwhile have set them to zero.
+        simulation.put_back_forces(state.physics)
         if reset:
             loop.steppers.reset_others(restored)
             if header.updating and not loop.steppers.active:
@@ -255,8 +258,8 @@ class Keeper:
 
 
 def listing(problems: dict[str, str]) -> str:
-    """Returns the reasons in one line."""
-    return "; ".join(f"{name}: {reason}" for name, reason in problems.items())
+    """Returns the reasons in one line; they may contain text from a file."""
+    return one_line("; ".join(f"{name}: {reason}" for name, reason in problems.items()))
 
 
 def _period(timer: Timer) -> tuple[int, int]:

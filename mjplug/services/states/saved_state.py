@@ -14,6 +14,7 @@ from mjplug.errors import RequestError
 from mjplug.limits import MAX_SIMULATED_TIME
 from mjplug.physics.part import SavedPart
 from mjplug.physics.physics_state import PhysicsState
+from mjplug.printable import one_line
 from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.mjplug_msgs import Snapshot
 
@@ -21,6 +22,8 @@ VECTOR, ASLEEP, RESULTS, PLUGINS = "vector", "asleep", "results/", "plugins/"
 """Names of arrays, or how they begin."""
 
 Whole = Annotated[int, Field(ge=0, lt=1 << 63)]
+Token = Annotated[str, Field(max_length=200, pattern="^[ -~]*$")]
+"""A version or a digest, which is sent to clients."""
 
 
 class _Section(BaseModel):
@@ -74,9 +77,9 @@ class Header(_Section):
     """
 
     format: Literal[1]
-    mujoco: str
-    mjplug: str
-    model: str
+    mujoco: Token
+    mjplug: Token
+    model: Token
     seed: Whole
     step: Whole
     time_ns: Annotated[int, Field(ge=0, le=MAX_SIMULATED_TIME * 1_000_000_000)]
@@ -86,7 +89,7 @@ class Header(_Section):
     updating: bool
     poses_current: bool
     sensors_current: bool
-    digest: str
+    digest: Token
     parts: dict[str, PartHeader]
     holds: tuple[tuple[str, Whole], ...]
     time_origin: Whole = 0
@@ -108,7 +111,7 @@ class Header(_Section):
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(map(str, first["loc"]))[:200]
-            raise RequestError(f"its header is invalid: {place}: {first['msg']}") from None
+            raise RequestError(one_line(f"its header is invalid: {place}: {first['msg']}")) from None
 
 
 @dataclass(frozen=True)
@@ -189,5 +192,5 @@ def describe(name: str, file: bool, header: Header, size: int) -> Snapshot:
         model_digest=header.model,
         digest=header.digest,
         size=size,
-        left_out=tuple(part for part, saved in header.parts.items() if saved.left_out),
+        left_out=tuple(one_line(part) for part, saved in header.parts.items() if saved.left_out),
     )

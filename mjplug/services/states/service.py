@@ -11,6 +11,7 @@ from mjplug.errors import RequestError, UnknownName
 from mjplug.physics.loop import Loop
 from mjplug.physics.scheduler import Wait
 from mjplug.plugin import Call, Host, Slow
+from mjplug.printable import one_line
 from mjplug.services.episode import episode_in
 from mjplug.services.states.file_thread import FileThread
 from mjplug.services.states.keeper import Keeper, listing
@@ -139,7 +140,7 @@ class States:
         if problems:
             message += f"; not restored: {listing(problems)}"
         snapshot = describe(name, request.file, state.header, state.size)
-        snapshot = snapshot.model_copy(update={"left_out": tuple(problems)})
+        snapshot = snapshot.model_copy(update={"left_out": tuple(map(one_line, problems))})
         return RestoreState.Response(success=True, message=message, snapshot=snapshot)
 
     def list(self, request: ListStates.Request, call: Call) -> Slow:

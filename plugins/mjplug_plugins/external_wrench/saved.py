@@ -60,7 +60,7 @@ def restored_wrenches(host: Host, saved: Mapping[str, Any], most: int) -> tuple[
     start, end, marker_ids = whole.T[:3]
     if not np.isfinite(real).all() or (real[:, 9:] < 0).any() or (real[:, 10] > real[:, 9]).any():
         raise RequestError("a wrench is invalid")
-    if (start > 0).any() or (start < -_MAX_STEPS).any() or (end <= 0).any() or (end > _MAX_STEPS).any():
+    if (start > 0).any() or (start < -_MAX_STEPS).any() or (end < 0).any() or (end > _MAX_STEPS).any():
         raise RequestError("a wrench does not act now")
     next_id = saved["next_id"]
     if not isinstance(next_id, int) or not 0 <= next_id < _MAX_ID:

@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 
 _DERIVATIVES = ("velocities", "accelerations")
 
+_MAX_TIME = 1 << 62
+"""Limit of times before and after now [ns]."""
+
 
 def motion_arrays(motion: Motion, now: int) -> dict[str, NDArray[np.generic]]:
     """Returns the points of a motion.
@@ -51,6 +54,7 @@ def motion_of(arrays: Mapping[str, NDArray[np.generic]], now: int, ended: bool =
     valid = valid and positions.dtype == np.float64 and bool(np.isfinite(positions).all())
     valid = valid and all(row.shape == positions.shape and row.dtype == np.float64 for row in rows)
     # The trajectory itself begins after the start, or at it.
+    valid = valid and all(-_MAX_TIME < time < _MAX_TIME for time in times.tolist())
     if not valid or (np.diff(times[1:]) <= 0).any() or (times[-1] < 0 and not ended):
         raise RequestError("a trajectory is invalid")
     points = [
