@@ -14,7 +14,7 @@ from state_worlds import StateWorld, scene
 
 from mjplug.physics import physics_state
 from mjplug.services.states.state_files import decode, encode
-from mjplug_schemas.mjplug_msgs import RestoreState
+from mjplug_schemas.mjplug_msgs import ListStates, RestoreState
 
 
 @pytest.fixture(scope="module")
