@@ -64,7 +64,8 @@ class WorldView:
 
         A step computes the sensors first and integrates last, so after a step they are one step older than `qpos`.
         """
-        return self._simulation.time.ns(self._simulation.sensor_step)
+        # If simulated time was set to zero after that step, they are from before.
+        return max(0, self._simulation.time.ns(self._simulation.sensor_step))
 
     def now(self) -> Time:
         """Returns the simulated time as a message, for time stamps."""

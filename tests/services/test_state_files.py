@@ -98,6 +98,7 @@ def test_a_file_is_written_again_without_a_difference(saved):
         (lambda h: h.update(step=-1), "step: Input should be greater than or equal to 0"),
         (lambda h: h.update(step="1"), "step: Input should be a valid integer"),
         (lambda h: h.update(step=1 << 62), "the last possible one is"),
+        (lambda h: h.update(time_origin=61), "its step is 60, before the one at which its time is zero"),
         (lambda h: h.update(time_ns=1 << 62), "time_ns: Input should be less than or equal to"),
         (lambda h: h.update(lineage=1 << 64), "lineage: Input should be less than"),
         (lambda h: h.update(model="other"), "it was saved with another model"),
@@ -173,6 +174,22 @@ def test_chains_of_sleeping_bodies_are_checked(tmp_path, asleep):
     else:
         assert "tree_asleep is invalid" in call.refusal
     world.close()
+
+
+def test_sensors_of_the_step_before_time_zero_have_the_time_zero(saved):
+    def change(header):
+        header.update(step=0, time_ns=0, sensors_current=False)
+
+    assert restore(saved, changed(saved.content, change)).refusal is None
+    reading = saved.transport.publishers["/sensors/arm/imu"]
+    reading.messages.clear()
+    saved.step(40)
+    assert saved.loop.failure is None
+    assert reading.messages
+    host = saved.drive._host
+    saved.restore("x", file=True)
+    assert (host.time_ns, host.sensor_time_ns) == (0, 0)
+    saved.restore(file=True)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e10, 1e300])

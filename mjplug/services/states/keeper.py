@@ -165,6 +165,8 @@ class Keeper:
             )
         if not keep_time and header.step > loop.end_of_time:
             raise RequestError(f"its step is {header.step}; the last possible one is {loop.end_of_time}")
+        if header.time_origin > header.step:
+            raise RequestError(f"its step is {header.step}, before the one at which its time is zero")
         loop.simulation.check(state.physics)
         if header.digest != physics_state.digest(state.physics.vector):
             raise RequestError("its digest is not that of its state vector")
