@@ -190,11 +190,12 @@ def encode(state: SavedState) -> bytes:
     """Returns a state as the content of a file."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        archive.writestr(_HEADER, state.header.to_json())
+        # A ZipInfo has a fixed date, so that equal states give equal files.
+        archive.writestr(zipfile.ZipInfo(_HEADER), state.header.to_json())
         for name, array in state.arrays.items():
             member = io.BytesIO()
             np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
-            archive.writestr(f"{name}.npy", member.getvalue())
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy"), member.getvalue())
     return buffer.getvalue()
 
 
