@@ -175,11 +175,13 @@ class Trajectories:
         now = self._host.time_ns
         ended = False
         for track in tuple(self._tracks):
-            result = None
-            if track.tolerances is not None and (result := track.verdict(now, self._host.data)) and result.error_code:
-                self.hold(track, result)
-                continue
             positions = track.motion.at(now).tolist()
+            result = None
+            if track.tolerances is not None:
+                result = track.verdict(now, positions, self._host.data)
+                if result is not None and result.error_code:
+                    self.hold(track, result)
+                    continue
             for drive, index in track.drives.items():
                 drive.command("position", positions[index])
             if result is not None or (track.tolerances is None and now >= track.motion.end):

@@ -30,15 +30,22 @@ class Motion:
 
     def __init__(self, plan: Plan, begin: int, now: int, position: Array, velocity: Array) -> None:
         start = JointTrajectoryPoint(positions=position.tolist(), velocities=velocity.tolist())
-        self._begin(begin, [now - begin, *plan.times], [start, *plan.points])
+        self._begin(begin, now - begin, start, plan.times, plan.points)
 
-    def _begin(self, begin: int, times: list[int], points: list[JointTrajectoryPoint]) -> None:
-        # Relative times, so that a long plan is used as it is.
-        self._start = begin
-        self._times = times
-        self._points = points
+    def _begin(
+        self,
+        begin: int,
+        first_time: int,
+        first_point: JointTrajectoryPoint,
+        times: Sequence[int],
+        points: Sequence[JointTrajectoryPoint],
+    ) -> None:
+        # Times count from `begin`, and the first point is kept apart, so that nothing of a long plan is copied.
+        self._origin = begin
+        self._first_time, self._first_point = first_time, first_point
+        self._times, self._points = times, points
         self._segment = 0
-        self._coefficients = np.empty((0, len(points[0].positions)))
+        self._coefficients = np.empty((0, len(first_point.positions)))
         self._powers = np.ones(1)
         self._each_power = float_view(self._powers)
         self.end = begin + times[-1]
@@ -52,23 +59,27 @@ class Motion:
             points: The points.
         """
         motion = cls.__new__(cls)
-        motion._begin(0, list(times), list(points))
+        motion._begin(0, times[0], points[0], tuple(times[1:]), tuple(points[1:]))
         return motion
 
     @property
     def times(self) -> Sequence[int]:
         """The time of each point [ns]."""
-        return [self._start + time for time in self._times]
+        return [self._origin + time for time in (self._first_time, *self._times)]
 
     @property
     def points(self) -> Sequence[JointTrajectoryPoint]:
         """The points, the first of which is the start."""
-        return self._points
+        return [self._first_point, *self._points]
 
     @property
     def begin(self) -> int:
         """Simulated time of the start [ns]."""
-        return self._start + self._times[0]
+        return self._origin + self._first_time
+
+    @property
+    def _segment_start(self) -> int:
+        return self._times[self._segment - 1] if self._segment else self._first_time
 
     def at(self, time: int) -> Array:
         """Returns the positions at a time, shape (n,) [rad or m].
@@ -79,14 +90,16 @@ class Motion:
         if time >= self.end:
             return np.array(self._points[-1].positions, float)
         moved = not len(self._coefficients)
-        if self._times[self._segment + 1] <= time - self._start:
-            self._segment = bisect_right(self._times, time - self._start, self._segment + 1) - 1
+        elapsed = time - self._origin
+        if self._times[self._segment] <= elapsed:
+            # Segment k ends at the k-th point of the plan.
+            self._segment = bisect_right(self._times, elapsed, self._segment)
             moved = True
         if moved:
             self._coefficients = self._polynomial(self._segment)
             self._powers = np.ones(len(self._coefficients))
             self._each_power = float_view(self._powers)
-        t, power, powers = (time - self._start - self._times[self._segment]) / SECOND, 1.0, self._each_power
+        t, power, powers = (elapsed - self._segment_start) / SECOND, 1.0, self._each_power
         for k in range(1, len(powers)):
             power *= t
             powers[k] = power
@@ -97,7 +110,7 @@ class Motion:
         """Returns the velocities at a time, shape (n,) [rad/s or m/s]; call `at` for the same time first."""
         if time >= self.end or not len(self._coefficients):
             return np.zeros(self._coefficients.shape[1])
-        t = (time - self._start - self._times[self._segment]) / SECOND
+        t = (time - self._origin - self._segment_start) / SECOND
         velocities = np.zeros(self._coefficients.shape[1])
         for k, coefficient in enumerate(self._coefficients[1:], 1):
             velocities += k * t ** (k - 1) * coefficient
@@ -105,8 +118,9 @@ class Motion:
 
     def _polynomial(self, segment: int) -> Array:
         """Returns the polynomial coefficients of a segment, t⁰ first, shape (k, n) with k = 2, 4 or 6."""
-        a, b = self._points[segment], self._points[segment + 1]
-        seconds = (self._times[segment + 1] - self._times[segment]) / SECOND
+        a = self._points[segment - 1] if segment else self._first_point
+        b = self._points[segment]
+        seconds = (self._times[segment] - self._segment_start) / SECOND
         x0, x1 = np.array(a.positions, float), np.array(b.positions, float)
         orders = 1
         if a.velocities and b.velocities:
