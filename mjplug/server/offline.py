@@ -36,13 +36,15 @@ class OfflineTransport:
     Attributes:
         published: The topics with a publisher.
         subscribed: The topics with a subscriber.
-        services: The services.
+        services: The services, with those of actions.
+        actions: The actions.
     """
 
     def __init__(self) -> None:
         self.published: list[Topic[Any]] = []
         self.subscribed: list[Topic[Any]] = []
         self.services: list[ServiceName] = []
+        self.actions: list[ActionName] = []
 
     def open_publisher(self, topic: Topic[Any], on_matched: Callable[[], None] | None = None) -> OfflinePublisher:
         """Records the topic, and returns a publisher without subscribers."""
@@ -58,7 +60,8 @@ class OfflineTransport:
         self.services.append(service)
 
     def open_action(self, action: ActionName, callbacks: ActionCallbacks) -> ActionPublishers:
-        """Records the services and topics of the action."""
+        """Records the action, its services and its topics."""
+        self.actions.append(action)
         self.services += action.services
         return ActionPublishers(*map(self.open_publisher, action.topics))
 

@@ -49,4 +49,4 @@ def rehearse(
     services = [*transport.services]
     if ros2 is not None:
         services.append(ServiceName(f"{name}/get_type_description", GetTypeDescription))
-    return Interfaces(name, transport.published, transport.subscribed, services, ros2)
+    return Interfaces(name, transport.published, transport.subscribed, services, ros2, transport.actions)

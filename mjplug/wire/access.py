@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import ServiceName, Topic
 from mjplug.security.roles import Role
 from mjplug.wire.discovery.announced import TOKENS
@@ -81,14 +82,15 @@ _ALL = (*_RECEIVE, "query", "liveliness_query", "declare_liveliness_subscriber")
 
 @dataclass(frozen=True, slots=True)
 class Interfaces:
-    """The topics and services that a server declares.
+    """The topics, services and actions that a server declares.
 
     Attributes:
         name: The server's full name, such as `/robot1/mjplug`.
         published: The topics that it publishes.
         subscribed: The topics that it subscribes to.
-        services: Its services.
+        services: Its services, with those of actions.
         ros2: Settings of the rmw_zenoh dialect; None if it is off.
+        actions: Its actions.
     """
 
     name: str
@@ -96,6 +98,7 @@ class Interfaces:
     subscribed: Sequence[Topic[Any]]
     services: Sequence[ServiceName]
     ros2: RosSettings | None = None
+    actions: Sequence[ActionName] = ()
 
     def reads(self, service: ServiceName) -> bool:
         """Returns whether a service changes nothing."""
@@ -157,7 +160,9 @@ def _viewer(interfaces: Interfaces) -> Iterator[dict[str, Any]]:
     yield _rule("viewer receives", "egress", _RECEIVE, ALL_KEYS)
     yield _rule("viewer queries", "ingress", ["query"], queried)
     # Needed only for a command whose name ends with `/interfaces`.
-    yield _rule("viewer sends no commands", "ingress", ["query"], interfaces.service_keys(commands), "deny")
+    goals = (key_of(action.name) for action in interfaces.actions)
+    denied = [*interfaces.service_keys(commands), *goals]
+    yield _rule("viewer sends no commands", "ingress", ["query"], denied, "deny")
 
 
 def _operator(interfaces: Interfaces) -> Iterator[dict[str, Any]]:

@@ -1,4 +1,5 @@
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -281,3 +282,20 @@ def test_the_quadruped_sits_down_and_stands_up_by_a_trajectory():
         assert world.data.qpos[3] ** 2 > 0.98
     assert heights[1] < 0.22
     assert heights[3] == pytest.approx(0.307, abs=0.02)
+
+
+def test_a_trajectory_is_checked_on_the_thread_of_the_transport(monkeypatch):
+    world, threads = world_of(), []
+
+    def checked(message):
+        threads.append(threading.current_thread())
+        return plan_of(message)
+
+    monkeypatch.setattr("mjplug_plugins.joints.trajectories.plan_of", checked)
+    message = trajectory(["shoulder"], point(0.1, [0.5]))
+    sender = threading.Thread(target=world.transport.send, args=(TOPIC, message))
+    sender.start()
+    sender.join()
+    world.loop.step(1)
+    assert threads == [sender]
+    assert world.plugin.accepted == 1

@@ -2,6 +2,7 @@
 
 import queue
 from dataclasses import dataclass
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -11,6 +12,7 @@ from waits import TIMEOUT
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 from zenoh.handlers import Callback
 
+from mjplug.contracts.actions import ActionCallbacks, ActionName
 from mjplug.contracts.transport import DEFAULT, LATCHED, LATEST, ServiceName, Topic
 from mjplug.wire.access import READ_ONLY, Interfaces
 from mjplug.wire.network import open_network
@@ -18,6 +20,8 @@ from mjplug.wire.rmw_zenoh.keys import RosSettings
 from mjplug.wire.secured import secured
 from mjplug.wire.session import SessionSettings
 from mjplug_schemas import registry
+from mjplug_schemas.action_msgs import GoalStatusArray
+from mjplug_schemas.control_msgs_action import GripperCommand
 from mjplug_schemas.rcl_interfaces import GetParameters, SetParameters
 from mjplug_schemas.std_msgs import String
 from mjplug_schemas.std_srvs import SetBool, Trigger
@@ -34,6 +38,8 @@ TRAP = ServiceName("/arm/interfaces", Trigger)
 ROS = RosSettings()
 SERVICES = (READ, DIAGNOSTICS, WRITE, SET, TRAP)
 TOPICS = (BEAT, DESCRIPTION, COMMAND)
+# The second one has a name that matches the keys of lists of interfaces.
+ACTIONS = (ActionName("/arm/move", GripperCommand), ActionName("/hand/interfaces", GripperCommand))
 
 ATTACHMENT = (1).to_bytes(8, "little") * 2 + b"\x10" + bytes(16)
 """As rmw_zenoh puts it on every message."""
@@ -53,7 +59,10 @@ class Gate:
 @pytest.fixture(scope="module")
 def gate(keys):
     settings = SessionSettings(listen=("tls/127.0.0.1:0",), config=keys.path / "server" / "server.json5")
-    declared = Interfaces(NAME, [BEAT, DESCRIPTION], [COMMAND], SERVICES, ROS)
+    parts = [service for action in ACTIONS for service in action.services]
+    topics = [topic for action in ACTIONS for topic in action.topics]
+    published = [BEAT, DESCRIPTION, *topics]
+    declared = Interfaces(NAME, published, [COMMAND], [*SERVICES, *parts], ROS, ACTIONS)
     network = open_network(secured(settings, lambda: declared), NAME, ros2=ROS)
     called, commanded = [], queue.SimpleQueue()
     beat, description = network.open_publisher(BEAT), network.open_publisher(DESCRIPTION)
@@ -68,6 +77,21 @@ def gate(keys):
 
     for service in SERVICES:
         offer(service)
+
+    def offer_action(action):
+        def respond(call, service):
+            called.append(service.name)
+            call.respond(service.type.Response())
+
+        def receive(query):
+            called.append(action.name)
+            query.refuse("a test")
+
+        handlers = [partial(respond, service=service) for service in action.services]
+        network.open_action(action, ActionCallbacks(*handlers, receive)).status.publish(GoalStatusArray())
+
+    for action in ACTIONS:
+        offer_action(action)
     description.publish(String(data="a robot"))
     yield Gate(network.session.endpoint, called, commanded, beat, description)
     network.close()
@@ -154,6 +178,29 @@ def test_a_viewer_calls_only_what_changes_nothing_and_an_operator_calls_everythi
         client.settle()
         expected = 2 if service in served else 0
         assert (service.name, len(answers), len(gate.called)) == (service.name, expected, expected)
+
+
+@pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.name)
+@pytest.mark.parametrize(("name", "served"), [("viewer", False), ("operator", True)])
+def test_an_operator_sends_goals_and_a_viewer_only_sees_their_states(enter, gate, name, served, action):
+    client = enter(name)
+    gate.called.clear()
+    goal = action.type.Goal().to_cdr()
+    replies = [*client.ask(action.name[1:], payload=goal), *(a for s in action.services for a in call(client, s))]
+    client.settle()
+    parts = [service.name for service in action.services for _ in range(2)]
+    assert gate.called == ([action.name, *parts] if served else [])
+    assert len(replies) == len(gate.called)
+    states = queue.SimpleQueue()
+    client.keep(
+        declare_advanced_subscriber(
+            client.session,
+            f"{action.name[1:]}/_action/status",
+            Callback(states.put, indirect=False),
+            history=HistoryConfig(detect_late_publishers=True, max_samples=1),
+        )
+    )
+    assert GoalStatusArray.from_cdr(bytes(states.get(timeout=TIMEOUT).payload)) == GoalStatusArray()
 
 
 @pytest.mark.parametrize("selector", ["**", "mjplug/*", "arm/**", "0/**", "*/set_parameters", "arm/s$*", "**/@json"])

@@ -1,5 +1,6 @@
 """The running trajectories and the joints that each of them moves."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -49,6 +50,8 @@ class Trajectories:
     def __init__(self, host: Host, joints: JointDrives, from_desired: bool) -> None:
         self._host, self._joints, self._from_desired = host, joints, from_desired
         self._tracks: list[Track] = []
+        # Motions that have ended. `checked` releases them, because freeing a long plan takes as long as some steps.
+        self._ended: deque[Motion] = deque()
         self.running = False
 
     @property
@@ -62,6 +65,7 @@ class Trajectories:
         Raises:
             RequestError: The trajectory is invalid.
         """
+        self._ended.clear()
         drives = self._find_drives(trajectory)
         return Command(plan_of(trajectory), drives)
 
@@ -191,6 +195,7 @@ class Trajectories:
             self._remove_finished()
 
     def _remove_finished(self) -> None:
+        self._ended.extend(track.motion for track in self._tracks if not track.drives)
         self._tracks = [track for track in self._tracks if track.drives]
         self.running = bool(self._tracks)
 
