@@ -1,4 +1,7 @@
-"""Round trip time of a service request compared with a plain Zenoh query; both servers are separate processes."""
+"""Round trip times of a service request and of a goal of an action, compared with a plain Zenoh query.
+
+Both servers are separate processes.
+"""
 
 import re
 import subprocess
@@ -13,6 +16,7 @@ import zenoh
 from benchmarks.measure import Result, pairs
 from benchmarks.world import SMALL, client
 from mjplug.wire.endpoints import with_free_port
+from mjplug_schemas.control_msgs_action import GripperCommand
 from mjplug_schemas.mujoco_ros2_control_msgs import SetPause
 
 QUERIES = 300
@@ -61,12 +65,14 @@ def round_trip(session: zenoh.Session, key: str, payload: bytes) -> float:
 
 
 def results() -> list[Result]:
-    """Measures `set_pause` on a server that runs in real time."""
+    """Measures `set_pause` and a goal on a server that runs in real time."""
     request = SetPause.Request(paused=False).to_cdr()
     answer = SetPause.Response(success=True, message="the simulation is already running").to_cdr()
     free = "tcp/127.0.0.1:0"
     bare_arguments = ("-c", BARE, with_free_port(free), answer.hex())
-    served_arguments = ("-m", "mjplug", "serve", SMALL, "--listen", free)
+    plugin = ("--plugin", "benchmarks.ended_goal:EndedGoal")
+    served_arguments = ("-m", "mjplug", "serve", SMALL, *plugin, "--listen", free)
+    goal = GripperCommand.Goal().to_cdr()
     with (
         serving_process(*bare_arguments) as bare_at,
         serving_process(*served_arguments) as served_at,
@@ -80,5 +86,12 @@ def results() -> list[Result]:
                 lambda: round_trip(bare, "bare", request),
                 "<= 2",
                 "{:.0f} µs",
-            )
+            ),
+            pairs(
+                "round trip of a goal that ends at once, in one query, against a bare Zenoh query",
+                lambda: round_trip(session, "ended_goal", goal),
+                lambda: round_trip(bare, "bare", request),
+                "<= 3",
+                "{:.0f} µs",
+            ),
         ]

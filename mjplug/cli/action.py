@@ -144,10 +144,10 @@ def send_goal(
     fields = parse(goal)
     until = float("inf") if timeout is None else monotonic() + timeout
     sent = client.send_goal(found.name, fields)
-    if output == "yaml":
-        _show(rendering, "Sending goal", fields)
-        say(f"Goal accepted with ID: {sent.id}\n")
     try:
+        if output == "yaml":
+            _show(rendering, "Sending goal", fields)
+            say(f"Goal accepted with ID: {sent.id}\n")
         if feedback:
             while (message := sent.next(max(0.0, until - monotonic()))) is not None:
                 _show(rendering, "Feedback", message)

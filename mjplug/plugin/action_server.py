@@ -34,7 +34,10 @@ RESULT_TIMEOUT = 10.0
 """Time for which the result of an ended goal is kept [s of wall time]; rcl's default."""
 
 MAX_RESULTS = 200
-"""Maximum number of results of one action that are kept, because each is listed in every status message."""
+"""Maximum number of results of one action that are kept."""
+
+MAX_LISTED = 16
+"""Maximum number of ended goals in a status message, which is encoded at each change, on the physics thread."""
 
 REJECTION_LOG_INTERVAL = 1.0
 """Minimum wall time between two log lines about rejected goals of one action [s]."""
@@ -323,10 +326,13 @@ class ActionServer:
             self._loop.scheduler.interrupt(entry.run, GoalCanceled("a client cancelled the goal"))
 
     def _changed(self, entry: _Entry) -> None:
-        """Publishes the states of all goals."""
+        """Publishes the states of the goals that are under way, and of the last ones that have ended."""
         entry.update()
-        known = tuple(other.message for other in self._entries.values() if other.goal.accepted)
-        self._publishers.status.publish(GoalStatusArray(status_list=known))
+        accepted = [other for other in self._entries.values() if other.goal.accepted]
+        ended = sorted((other for other in accepted if other.goal.ended), key=lambda other: other.ended_at)
+        unlisted = set(ended[:-MAX_LISTED])
+        listed = tuple(other.message for other in accepted if other not in unlisted)
+        self._publishers.status.publish(GoalStatusArray(status_list=listed))
 
     def _expire(self, now: float) -> None:
         """Forgets old results."""

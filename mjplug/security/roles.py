@@ -10,7 +10,7 @@ Role = Literal["operator", "viewer", "worker", "server"]
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 
 MEANING: Final[Mapping[Role, str]] = {
-    "operator": "reads every topic, calls every service, publishes to the topics that the server subscribes to",
+    "operator": "reads every topic, calls services and actions, publishes to the topics that the server subscribes to",
     "viewer": "reads every topic and parameter; may not publish, and calls only services that change nothing",
     "worker": "a worker process of a server: publishes what the server's plugins publish",
     "server": "a server: everything",

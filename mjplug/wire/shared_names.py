@@ -1,4 +1,4 @@
-"""Warns about topics and services that two servers on one network have under the same name.
+"""Warns about topics, services and actions that two servers on one network have under the same name.
 
 Each server declares a second liveliness token, `@mjplug/<namespace>/<node_name>/<Zenoh id>/@ready`, after everything
 else is declared. A server that sees this token of another one queries its interfaces, once. So both servers log the
@@ -52,17 +52,19 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class SharedNames:
-    """Topics and services that two servers have under the same name.
+    """Topics, services and actions that two servers have under the same name.
 
     Attributes:
         published: Topics that both publish.
         subscribed: Topics that both subscribe to.
         services: Services that both offer.
+        actions: Actions that both offer.
     """
 
     published: tuple[str, ...]
     subscribed: tuple[str, ...]
     services: tuple[str, ...]
+    actions: tuple[str, ...] = ()
 
     def sentence(self, own: str, other: str) -> str:
         """Returns the warning for the server named `own`; empty if nothing is shared."""
@@ -72,6 +74,7 @@ class SharedNames:
                 ("both publish", self.published),
                 ("both subscribe to", self.subscribed),
                 ("both offer the service", self.services),
+                ("both offer the action", self.actions),
             )
             if names
         ]
@@ -85,7 +88,7 @@ class SharedNames:
             )
             absolute = [name for name in self.published if name == "/clock"]
         else:
-            absolute = [*self.published, *self.subscribed, *self.services]
+            absolute = [*self.published, *self.subscribed, *self.services, *self.actions]
         if absolute:
             # Without a namespace, `{ns}` changes nothing.
             where = next((f"in {a}, " for a, b in ((own, other), (other, own)) if b.count("/") == 1 < a.count("/")), "")
@@ -110,12 +113,15 @@ def shared_names(listing: Listing, other: Any, exempt: Iterable[str] = ()) -> Sh
     for entry in other["topics"]:
         theirs[entry["direction"]].add(entry["name"])
     offered = {entry["name"] for entry in other["services"]}
+    # Servers of earlier versions list no actions.
+    goals = {entry["name"] for entry in other.get("actions", ())}
     ours = [(entry.direction, entry.topic) for entry in listing.topics]
     fine = {*BY_CONVENTION, *exempt}
     return SharedNames(
         _in_order(t.name for d, t in ours if d == "published" and t.name in theirs[d] and t.type.TYPE not in fine),
         _in_order(t.name for d, t in ours if d == "subscribed" and t.name in theirs[d]),
         _in_order(entry.service.name for entry in listing.services if entry.service.name in offered),
+        _in_order(entry.action.name for entry in listing.actions if entry.action.name in goals),
     )
 
 

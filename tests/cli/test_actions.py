@@ -11,6 +11,9 @@ import warm_python
 from cli.process import COMMAND, STARTING, Served, environment
 from cli.tour import typed
 
+from mjplug.cli.names import complete_action_type
+from mjplug.cli.quick_completion import live_names
+
 ACTION = "/joint_commands/follow_joint_trajectory"
 TYPE = "control_msgs/action/FollowJointTrajectory"
 GOAL = "{trajectory: {joint_names: [joint1], points: [{positions: [0.2], time_from_start: {sec: %s}}]}}"
@@ -119,3 +122,9 @@ def test_ctrl_c_cancels_the_goal(server, tmp_path):
 def test_the_node_lists_its_actions(server):
     with mock.patch.dict("os.environ", {"MJPLUG_CONNECT": server.endpoint}):
         assert f"  Action Servers:\n    {ACTION}: {TYPE}\n" in typed("node", "info", "/mjplug").out
+
+
+def test_names_of_actions_are_completed(server):
+    assert live_names("actions", "/joint", server.endpoint) == [ACTION]
+    assert live_names("actions", "/nothing", server.endpoint) == []
+    assert complete_action_type("control_msgs/action/F") == [TYPE]

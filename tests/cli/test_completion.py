@@ -10,6 +10,7 @@ import pytest
 from cli.process import COMMAND, STARTING, environment
 
 from mjplug.cli import names, quick_completion
+from mjplug.cli.action import app as action_app
 from mjplug.cli.app import main as typer_main
 from mjplug.cli.service import app as service_app
 from mjplug.cli.topic import app as topic_app
@@ -155,7 +156,11 @@ def test_completion_imports_nothing_slow(tour):
 
 @pytest.mark.parametrize(
     ("group", "app", "completer"),
-    [("topic", topic_app, names.complete_topic), ("service", service_app, names.complete_service)],
+    [
+        ("topic", topic_app, names.complete_topic),
+        ("service", service_app, names.complete_service),
+        ("action", action_app, names.complete_action),
+    ],
 )
 def test_what_is_answered_quickly_are_all_commands_that_take_such_a_name(group, app, completer):
     taking = set()

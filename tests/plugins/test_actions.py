@@ -7,7 +7,7 @@ import pytest
 from counting import Count, Counter
 
 from mjplug.plugin import Event, PluginError, RequestError
-from mjplug.plugin.action_server import MAX_GOALS, MAX_RESULTS, RESULT_TIMEOUT
+from mjplug.plugin.action_server import MAX_GOALS, MAX_LISTED, MAX_RESULTS, RESULT_TIMEOUT
 from mjplug.testing import World
 from mjplug_schemas.action_msgs import CancelGoal, GoalInfo, GoalStatus
 from mjplug_schemas.builtin_interfaces import Time
@@ -337,7 +337,8 @@ def test_old_results_are_forgotten(world, counter):
         send(world, 0, goal_id)
     assert result_of(world, 2).response.status == 0
     assert result_of(world, 3).response.status == SUCCEEDED
-    assert list(states(world)) == list(range(3, MAX_RESULTS + 3))
+    # Only the last of them are listed.
+    assert list(states(world)) == list(range(MAX_RESULTS + 3 - MAX_LISTED, MAX_RESULTS + 3))
 
 
 def test_results_are_kept_for_ten_seconds_of_wall_time(world, counter, monkeypatch):

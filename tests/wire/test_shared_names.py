@@ -3,13 +3,16 @@
 import json
 import logging
 import queue
+from dataclasses import replace
 
 import pytest
 from waits import TIMEOUT
 
+from mjplug.contracts.actions import ActionName
 from mjplug.contracts.transport import DEFAULT, ServiceName, Topic
-from mjplug.wire.discovery.answers import Listing, ServiceEntry, TopicEntry
+from mjplug.wire.discovery.answers import ActionEntry, Listing, ServiceEntry, TopicEntry
 from mjplug.wire.shared_names import TRANSFORMS, SharedNames, shared_names
+from mjplug_schemas.control_msgs_action import GripperCommand
 from mjplug_schemas.diagnostic_msgs import DiagnosticArray
 from mjplug_schemas.geometry_msgs import Twist
 from mjplug_schemas.rcl_interfaces import Log
@@ -43,6 +46,18 @@ def test_every_shared_topic_and_service_is_found_by_direction():
     )
     assert compared(own, other) == SharedNames(("/clock",), ("/cmd_vel",), ("/push",))
     assert compared(own, declared()) == SharedNames((), (), ())
+
+
+def test_shared_actions_are_found_and_named():
+    action = ActionEntry(ActionName("/arm/move", GripperCommand), {}, (), ())
+    own, other = (replace(declared(name=name), actions=(action,)) for name in ("/a", "/b"))
+    shared = compared(own, other)
+    assert shared == SharedNames((), (), (), ("/arm/move",))
+    assert "both offer the action /arm/move" in shared.sentence("/a", "/b")
+    # A server of an earlier version lists no actions.
+    earlier = json.loads(other.to_json())
+    del earlier["actions"]
+    assert shared_names(own, earlier) == SharedNames((), (), ())
 
 
 def test_topics_that_nodes_share_by_convention_are_left_out():
