@@ -15,6 +15,7 @@ from mjplug.cli.config import app as config_app
 from mjplug.cli.convert import convert
 from mjplug.cli.doctor.command import doctor
 from mjplug.cli.examples import examples
+from mjplug.cli.foxglove import foxglove
 from mjplug.cli.interface import app as interface_app
 from mjplug.cli.keys import app as keys_app
 from mjplug.cli.model import app as model_app
@@ -102,6 +103,7 @@ app.command(
         "mjplug record -a -x image -d 60      (a new file every minute)",
     )
 )(record)
+app.command(epilog=examples("mjplug foxglove", "mjplug foxglove --port 9000 --read-only"))(foxglove)
 app.command(
     epilog=examples(
         "mjplug play run1",

@@ -49,6 +49,27 @@ class Source:
     published: bool
 
 
+@dataclass(frozen=True, slots=True)
+class ServiceSource:
+    """A service of a server.
+
+    Attributes:
+        name: Its full name.
+        type: Name of its type.
+        key: Its Zenoh key.
+        server: The server that offers it.
+        request: Definition of the request with those of the types of its fields, in the format `ros2msg`.
+        response: The same of the response.
+    """
+
+    name: str
+    type: str
+    key: str
+    server: str
+    request: str
+    response: str
+
+
 class Sources:
     """The topics of the network. Its own thread asks the servers.
 
@@ -58,12 +79,19 @@ class Sources:
     Args:
         session: The session.
         found: Called with each topic that was found, on the thread; again if a server publishes it only later.
+        offered: Called with each service that was found, on the thread; None if services are not wanted.
     """
 
-    def __init__(self, session: zenoh.Session, found: Callable[[Source], None]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        found: Callable[[Source], None],
+        offered: Callable[[ServiceSource], None] | None = None,
+    ) -> None:
         self.known = threading.Event()
         self._session = session
         self._found = found
+        self._offered = offered
         self._lock = threading.Lock()
         self._hosts: dict[bytes, str] = {}
         self._dirty: set[str] = set()
@@ -137,7 +165,25 @@ class Sources:
         for entry in listing["topics"]:
             if (entry["name"] in published) == (entry["direction"] == "published"):
                 self._report(name, entry, definitions)
+        if self._offered is not None:
+            for entry in listing["services"]:
+                self._report_service(self._offered, name, entry, definitions)
         return True
+
+    def _report_service(
+        self, offered: Callable[[ServiceSource], None], server: str, entry: dict[str, Any], definitions: dict[str, str]
+    ) -> None:
+        type, key_ = entry["type"], str(entry["key"])
+        request, _, response = f"\n{definitions.get(type, '')}".partition("\n---\n")
+        try:
+            texts = [
+                text_of(f"{type}{part}", definitions | {f"{type}{part}": text})
+                for part, text in (("_Request", request.removeprefix("\n")), ("_Response", response))
+            ]
+        except BagError as error:
+            _log.debug("service %s of %s: %s", entry["name"], server, error)
+            return
+        offered(ServiceSource(entry["name"], type, key_, server, *texts))
 
     def _report(self, server: str, entry: dict[str, Any], definitions: dict[str, str]) -> None:
         published = entry["direction"] == "published"

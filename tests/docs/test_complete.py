@@ -189,7 +189,18 @@ def test_every_command_has_a_section_with_its_arguments_and_flags(name):
 
 def test_a_command_that_talks_to_a_server_has_the_options_for_it():
     for name, command in commands():
-        if name.split()[0] in ("topic", "service", "action", "node", "param", "sim", "top", "teleop", "record"):
+        if name.split()[0] in (
+            "topic",
+            "service",
+            "action",
+            "node",
+            "param",
+            "sim",
+            "top",
+            "teleop",
+            "record",
+            "foxglove",
+        ):
             assert set(SHARED) <= flags_of(command), name
 
 

@@ -126,7 +126,9 @@ def test_a_loop_announces_each_new_round(tmp_path):
 
     heard = play(tmp_path / "bag", keys, loop=True)
     assert not heard.ended
-    assert heard.epochs == sorted({now[1] for _, now, _ in heard.messages})
+    # It may end after a round was announced and before its first message.
+    assert heard.epochs == list(range(len(heard.epochs)))
+    assert {now[1] for _, now, _ in heard.messages} >= {*heard.epochs[:-1]}
     assert len(heard.epochs) >= 2
     assert [data for _, _, data in heard.messages[5:10]] == [data for _, _, data in heard.messages[:5]]
 

@@ -5,7 +5,8 @@ import threading
 import time
 
 import pytest
-from wire.conftest import ANSWER_TIMEOUT, ANY_PORT
+from waits import TIMEOUT
+from wire.conftest import ANY_PORT
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
 from mjplug.contracts.transport import DEFAULT, LATCHED, Topic
@@ -53,7 +54,7 @@ def test_each_key_counts_its_messages_and_states_both_times_epoch_and_source(net
         publisher.publish(String(data="x"))
     gids = set()
     for samples in (cdr, json):
-        read = [unpacked(samples.get(timeout=ANSWER_TIMEOUT)) for _ in range(4)]
+        read = [unpacked(samples.get(timeout=TIMEOUT)) for _ in range(4)]
         assert [row[0] for row in read] == [1, 2, 3, 4]
         assert [(row[4], row[5]) for row in read] == [(0, 0), (2_000_000, 0), (2_000_000, 1), (2**62, 2**32 - 1)]
         assert {row[2] for row in read} == {16}
@@ -67,7 +68,7 @@ def test_each_key_counts_its_messages_and_states_both_times_epoch_and_source(net
 def test_the_first_33_bytes_are_those_of_rmw_zenoh(network, client):
     publisher, (cdr,) = matched_publisher(network, client, DEFAULT, "told")
     publisher.publish(String(data="x"))
-    raw = bytes(cdr.get(timeout=ANSWER_TIMEOUT).attachment)
+    raw = bytes(cdr.get(timeout=TIMEOUT).attachment)
     theirs, ours = Attachment.from_bytes(raw[:33]), decode(raw)
     assert (theirs.sequence_number, theirs.source_timestamp, theirs.gid) == (
         ours.sequence_number, ours.source_timestamp, ours.gid,
@@ -81,7 +82,7 @@ def test_a_message_that_nobody_gets_has_no_number(network, client):
     client.settle()
     network._refresh("told")
     publisher.publish(String(data="x"))
-    assert unpacked(samples.get(timeout=ANSWER_TIMEOUT))[0] == 1
+    assert unpacked(samples.get(timeout=TIMEOUT))[0] == 1
 
 
 def test_late_subscribers_of_a_latched_topic_get_the_original_attachment(network, client, world):
@@ -97,8 +98,8 @@ def test_late_subscribers_of_a_latched_topic_get_the_original_attachment(network
         received.set()
 
     kept = declare_advanced_subscriber(client.session, "told", take, history=HistoryConfig(detect_late_publishers=True))
-    assert received.wait(ANSWER_TIMEOUT)
-    (reply,) = client.session.get("told", timeout=ANSWER_TIMEOUT)
+    assert received.wait(TIMEOUT)
+    (reply,) = client.session.get("told", timeout=TIMEOUT)
     assert unpacked(samples[0]) == unpacked(reply.ok)
     assert unpacked(samples[0])[0] == 1
     assert unpacked(samples[0])[4:] == (5, 1)
@@ -109,15 +110,15 @@ def test_a_worker_process_publishes_as_the_same_server_but_with_numbers_of_its_o
     tenant = opened(join(SessionSettings(listen=ANY_PORT), network.session.endpoints))
     own, (cdr,) = matched_publisher(network, client, DEFAULT, "told")
     own.publish(String(data="x"))
-    first = decode(bytes(cdr.get(timeout=ANSWER_TIMEOUT).attachment))
+    first = decode(bytes(cdr.get(timeout=TIMEOUT).attachment))
     seen = [first]
     # The second one stands for a worker that was started again.
     for now in ((7, 3), (8, 3)):
         matched = threading.Event()
         publisher = own.remote_spec().open(tenant, matched.set, lambda now=now: now)
-        assert matched.wait(ANSWER_TIMEOUT)
+        assert matched.wait(TIMEOUT)
         publisher.publish(String(data="x"))
-        seen.append(decode(bytes(cdr.get(timeout=ANSWER_TIMEOUT).attachment)))
+        seen.append(decode(bytes(cdr.get(timeout=TIMEOUT).attachment)))
     assert [(origin.sequence_number, origin.time_ns, origin.epoch) for origin in seen] == [
         (1, 0, 0),
         (1, 7, 3),
