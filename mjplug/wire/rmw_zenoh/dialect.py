@@ -21,9 +21,11 @@ from mjplug.wire.rmw_zenoh.attachment import Attachment
 from mjplug.wire.rmw_zenoh.key_writers import LatchedRmwWriter, LiveRmwWriter
 from mjplug.wire.rmw_zenoh.keys import RosSettings, definition_mismatch
 from mjplug.wire.rmw_zenoh.mismatches import Mismatches
+from mjplug.wire.rmw_zenoh.older import OlderRequest, older_definition
 from mjplug.wire.rmw_zenoh.qos import PARAMETER_SERVICE, SERVICE, qos_chunk
 from mjplug.wire.rmw_zenoh.raw_request import RmwRequest
 from mjplug.wire.rmw_zenoh.tokens import EndpointKind, Node, gid
+from mjplug_schemas.message import Service
 from mjplug_schemas.registry import Interface
 
 
@@ -58,7 +60,7 @@ class RmwZenohDialect:
 
     def service_keys(self, service: ServiceName) -> Mapping[str, str]:
         """Returns the data key by its field name in the list of interfaces."""
-        return {"ros2_key": self._settings.data_key(service.name, service.type)}
+        return {"ros2_key": self._settings.data_key(service.name, self._announced(service.type))}
 
     def declare_writers(self, topic: Topic[Any], on_matched: Callable[[], None]) -> list[KeyWriter]:
         """Declares and announces the publisher of a topic."""
@@ -90,8 +92,11 @@ class RmwZenohDialect:
     def declare_service(self, service: ServiceName, receive: Callable[[RawRequest], None]) -> None:
         """Declares and announces a service."""
         qos = PARAMETER_SERVICE if service.type.TYPE.startswith("rcl_interfaces/") else SERVICE
+        older, distro = older_definition(service.type), self._settings.distro
+        # Graph tools show the hash, so it is that of the distribution's definition; requests may have either.
+        announced = self._announced(service.type)
         any_key = self._settings.any_hash_key(service.name, service.type)
-        own_key = self._settings.data_key(service.name, service.type)
+        own_key = self._settings.data_key(service.name, announced)
         unreadable = Rejections(f"service {service.name}: a query was not a request of a ROS 2 node")
         self._unreadable[service.name] = unreadable
 
@@ -113,7 +118,10 @@ class RmwZenohDialect:
                 else:
                     reply_error(query, str(error))
             else:
-                receive(RmwRequest(query, key, attachment, definition_mismatch(key, service.type)))
+                if older is not None and older.applies(key, distro):
+                    receive(OlderRequest(RmwRequest(query, key, attachment), older))
+                else:
+                    receive(RmwRequest(query, key, attachment, definition_mismatch(key, service.type)))
 
         def refuse(query: zenoh.Query, key: str, attachment: bytes, sentence: str) -> None:
             # A node with another version of rmw_zenoh would wait for ever after an error reply. Its own attachment
@@ -128,7 +136,7 @@ class RmwZenohDialect:
 
         # Declared complete, because clients of rmw_zenoh query only complete queryables.
         self._declared.append(self._session.declare_queryable(any_key, callback(handle), complete=True))
-        self._announce(self._token("SS", service.name, service.type, qos), "SS", service.name, service.type)
+        self._announce(self._token("SS", service.name, announced, qos), "SS", service.name, announced)
 
     def action_keys(self, action: ActionName) -> Mapping[str, str]:
         """Returns an empty mapping: in ROS, an action is its three services and two topics."""
@@ -149,6 +157,11 @@ class RmwZenohDialect:
         while self._tokens:
             # zenoh's stubs leave the return type open.
             self._tokens.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    def _announced(self, service: type[Service]) -> type[Service]:
+        """Returns the definition of a service in the distribution."""
+        older = older_definition(service)
+        return older.old if older is not None and older.is_announced(self._settings.distro) else service
 
     def _token(self, kind: EndpointKind, name: str, interface: Any, qos: QoS) -> str:
         self.types[interface.TYPE] = interface
