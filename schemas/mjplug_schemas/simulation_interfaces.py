@@ -4,6 +4,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from mjplug_schemas.action import Action
 from mjplug_schemas.geometry_msgs import Accel, Pose, PoseStamped, Twist, Vector3
 from mjplug_schemas.idl import boolean, sequence, string, uint8, uint16, uint64
 from mjplug_schemas.message import Message, Service
@@ -571,3 +572,23 @@ class UnloadWorld(Service):
         NO_WORLD_LOADED: ClassVar[uint8] = 101
 
         result: Result = Field(Result(), description="Whether it was removed.")
+
+
+class SimulateSteps(Action):
+    """Runs a paused simulation for a number of steps, and reports progress."""
+
+    class Goal(Message):
+        """The number of steps."""
+
+        steps: uint64 = Field(0, description="Number of physics steps.")
+
+    class Result(Message):
+        """Whether they were taken."""
+
+        result: Result = Field(Result(), description="Whether all steps were taken.")
+
+    class Feedback(Message):
+        """How far the simulation is."""
+
+        completed_steps: uint64 = Field(0, description="Number of steps that were taken.")
+        remaining_steps: uint64 = Field(0, description="Number of steps that are left.")

@@ -5,7 +5,8 @@ from standard_worlds import StandardWorld
 
 from mjplug.physics.scheduler import Event
 from mjplug.plugin import Parameters, Plugin
-from mjplug_schemas.simulation_interfaces import SetSimulationState, SimulationState
+from mjplug_schemas.simulation_interfaces import SetSimulationState, SimulateSteps, SimulationState
+from mjplug_schemas.std_srvs import Trigger
 
 STOPPED, PLAYING, PAUSED, QUITTING = range(4)
 
@@ -215,9 +216,70 @@ def test_an_event_that_waits_is_refused_when_the_time_is_reset():
     def wait(request, call):
         yield event
 
-    from mjplug_schemas.std_srvs import Trigger
-
     world.mjplug.create_service(Trigger, "/wait", wait)
     call = world.call("/wait")
     world.ask("ResetSimulation", scope=1)
     assert call.refusal == "cancelled: simulated time was reset"
+
+
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+
+
+def simulate(world, steps):
+    goal = world.send_goal("/simulate_steps", SimulateSteps.Goal(steps=steps))
+    assert goal.refusal is None
+    return goal
+
+
+def test_steps_as_a_goal_report_each_step_and_leave_the_simulation_paused():
+    world = StandardWorld()
+    goal = simulate(world, 50)
+    while not goal.ended:
+        world.loop.turn()
+    assert (goal.status, goal.result.result.result) == (SUCCEEDED, 1)
+    assert [f.completed_steps for f in goal.fed_back] == list(range(1, 51))
+    assert [f.remaining_steps for f in goal.fed_back] == list(range(49, -1, -1))
+    assert world.simulation.step == 50
+    assert world.state == PAUSED
+
+
+def test_a_long_goal_reports_less_often_and_at_the_end():
+    world = StandardWorld()
+    goal = simulate(world, 4321)
+    while not goal.ended:
+        world.loop.turn()
+    assert world.simulation.step == 4321
+    assert len(goal.fed_back) < 1200
+    assert (goal.fed_back[-1].completed_steps, goal.fed_back[-1].remaining_steps) == (4321, 0)
+
+
+def test_a_cancelled_goal_pauses_where_it_is():
+    world = StandardWorld()
+    goal = simulate(world, 1_000_000)
+    while world.simulation.step < 5:
+        world.loop.turn()
+    world.cancel_goal("/simulate_steps", goal)
+    assert (goal.status, goal.result.result.result) == (CANCELED, 4)
+    step = world.simulation.step
+    assert goal.result.result.error_message == f"cancelled after {step} of 1000000 steps"
+    world.loop.turn()
+    assert world.simulation.step == step
+    assert world.state == PAUSED
+
+
+@pytest.mark.parametrize(("paused", "steps"), [(True, 0), (False, 5), (True, 1 << 63)])
+def test_goals_that_cannot_be_reached_are_accepted_and_aborted(paused, steps):
+    world = StandardWorld(paused=paused)
+    goal = simulate(world, steps)
+    assert (goal.status, goal.result.result.result) == (ABORTED, 4)
+    assert goal.id
+
+
+def test_a_reset_and_a_start_abort_goals():
+    world = StandardWorld()
+    for request in (("ResetSimulation", {}), ("SetSimulationState", {"state": {"state": PLAYING}})):
+        goal = simulate(world, 1_000_000)
+        world.send(request[0], **request[1])
+        while not goal.ended:
+            world.loop.turn()
+        assert (goal.status, goal.result.result.result) == (ABORTED, 4)

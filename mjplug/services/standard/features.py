@@ -22,6 +22,7 @@ ALWAYS = (
     F.SIMULATION_STATE_PAUSE,
     F.STEP_SIMULATION_SINGLE,
     F.STEP_SIMULATION_MULTIPLE,
+    F.STEP_SIMULATION_ACTION,
     F.WORLD_INFO_GETTING,
 )
 """The features that do not depend on the configuration."""
@@ -47,6 +48,7 @@ _LIMITS = (
     "filters by convex hulls are not supported",
     "a regular expression is found anywhere in the name",
     "accelerations are those at the beginning of the last step and cannot be set",
+    "simulate_steps reports each of up to 1000 steps, and otherwise every 10 ms",
     "STOPPED resets everything and pauses; PAUSED can be entered from STOPPED",
 )
 

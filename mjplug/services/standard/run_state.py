@@ -1,19 +1,23 @@
 """The run state, steps and resets of the standard interface."""
 
 from collections.abc import Callable, Generator
+from time import perf_counter
 
 from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.physics.reset import Reset
 from mjplug.physics.scheduler import Wait
-from mjplug.plugin import Call, Slow
+from mjplug.plugin import Call, Goal, GoalCanceled, Slow
+from mjplug.plugin.goal import Outcome
 from mjplug.services.standard.entities import Entities
-from mjplug.services.standard.replies import UNSUPPORTED, ResultError, done
+from mjplug.services.standard.replies import FAILED, UNSUPPORTED, ResultError, done
 from mjplug.services.stepping.ownership import Ownership
 from mjplug_schemas.simulation_interfaces import (
     GetSimulationState,
     ResetSimulation,
+    Result,
     SetSimulationState,
+    SimulateSteps,
     SimulationState,
     StepSimulation,
 )
@@ -32,6 +36,17 @@ TIME, STATE, SPAWNED, ALL = (
     ResetSimulation.Request.SCOPE_SPAWNED,
     ResetSimulation.Request.SCOPE_ALL,
 )
+
+_EACH_STEP = 1000
+"""Up to this number of steps, feedback is published after each step."""
+
+_FEEDBACK_PERIOD = 0.01
+"""Minimum wall time between two feedback messages of a goal with more steps [s]."""
+
+
+def steps_failed(reason: str) -> SimulateSteps.Result:
+    """Returns the result of a goal that has not taken all its steps."""
+    return SimulateSteps.Result(result=Result(result=FAILED, error_message=reason))
 
 
 class RunState:
@@ -127,14 +142,7 @@ class RunState:
     def step(self, request: StepSimulation.Request, call: Call) -> Slow:
         """Handles StepSimulation: answers after the last step."""
         loop, simulation = self._loop, self._loop.simulation
-        if not loop.paused:
-            raise RequestError("the simulation is running; set its state to PAUSED (2) first")
-        if request.steps == 0:
-            raise RequestError("steps is 0; it must be at least 1")
-        if request.steps > loop.last_step - simulation.step:
-            raise RequestError(
-                f"steps is {request.steps}; at most {loop.last_step - simulation.step} more steps are possible"
-            )
+        self._check_steps(request.steps)
         self._ownership.check(self._ownership.name_in(call.parameters))
         self._stopped_at = None
         goal = loop.goals.add(simulation.step, request.steps)
@@ -146,6 +154,57 @@ class RunState:
             taken = max(0, min(simulation.step, goal.target) - goal.start)
             raise RequestError(f"{goal.failure} ({taken} of {request.steps} steps were taken)")
         return StepSimulation.Response(result=done())
+
+    def simulate(self, request: SimulateSteps.Goal, goal: Goal) -> Generator[Wait, None, Outcome]:
+        """Handles a goal of SimulateSteps: steps with feedback; cancelling it pauses at the step that was reached."""
+        loop, simulation, steps = self._loop, self._loop.simulation, request.steps
+        try:
+            self._check_steps(steps)
+            self._ownership.check("")
+        except RequestError as error:
+            return goal.aborted(steps_failed(str(error)))
+        self._stopped_at = None
+        first, reported = simulation.step, 0.0
+        try:
+            while (done_steps := simulation.step - first) < steps:
+                left = steps - done_steps
+                # Few steps are reported each, and many at most every `_FEEDBACK_PERIOD` of wall time.
+                part = left if not goal.observed else min(left, max(1, steps // _EACH_STEP))
+                wanted = loop.goals.add(simulation.step, part)
+                try:
+                    yield wanted.ended
+                finally:
+                    loop.goals.remove(wanted)
+                if wanted.failure:
+                    raise RequestError(wanted.failure)
+                taken, now = simulation.step - first, perf_counter()
+                if steps <= _EACH_STEP or taken == steps or now - reported >= _FEEDBACK_PERIOD:
+                    reported = now
+                    if goal.observed:
+                        left = steps - taken
+                        goal.feedback(SimulateSteps.Feedback(completed_steps=taken, remaining_steps=left))
+        except GoalCanceled:
+            taken = simulation.step - first
+            return goal.canceled(steps_failed(f"cancelled after {taken} of {steps} steps"))
+        except RequestError as error:
+            taken = simulation.step - first
+            return goal.aborted(steps_failed(f"{error} ({taken} of {steps} steps were taken)"))
+        return goal.succeeded(SimulateSteps.Result(result=done()))
+
+    def _check_steps(self, steps: int) -> None:
+        """Checks whether steps can be taken now.
+
+        Raises:
+            RequestError: They cannot.
+        """
+        loop = self._loop
+        if not loop.paused:
+            raise RequestError("the simulation is running; set its state to PAUSED (2) first")
+        if steps == 0:
+            raise RequestError("steps is 0; it must be at least 1")
+        possible = loop.last_step - loop.simulation.step
+        if steps > possible:
+            raise RequestError(f"steps is {steps}; at most {possible} more steps are possible")
 
     def reset(self, request: ResetSimulation.Request, call: Call) -> Slow:
         """Handles ResetSimulation."""

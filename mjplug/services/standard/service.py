@@ -16,7 +16,7 @@ from mjplug.services.standard.entity_states import set_state, states_of
 from mjplug.services.standard.filters import selected
 from mjplug.services.standard.named_poses import NamedPoses
 from mjplug.services.standard.replies import UNSUPPORTED, ResultError, done, replying
-from mjplug.services.standard.run_state import RunState
+from mjplug.services.standard.run_state import RunState, steps_failed
 from mjplug.services.standard.spawning import Spawning
 from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.stepping.ownership import Ownership
@@ -126,6 +126,9 @@ class Standard:
             standard.DeleteEntity: _unsupported if spawning is None else spawning.delete,
             standard.GetSpawnables: _unsupported if spawning is None else spawning.spawnables,
         }
+        self._host.create_action(
+            standard.SimulateSteps, f"{self._prefix}/simulate_steps", run.simulate, on_abort=steps_failed
+        )
         for service, handler in handlers.items():
             name = service_name(service)
             self._host.create_service(service, f"{self._prefix}/{name}", replying(handler, service.Response))
