@@ -5,7 +5,7 @@ from mjplug.config.standard_settings import StandardSettings
 from mjplug.model.library import Library
 from mjplug.model.recipe import Source
 from mjplug.services import clock
-from mjplug.services.standard import model_changed
+from mjplug.services.standard import model_changed, model_values
 from mjplug.services.standard import service as standard_service
 from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.states.keeper import Keeper
@@ -79,6 +79,7 @@ class StandardWorld(World):
             source, digest = Source(None, model), keeper.model_digest
             self.builder = WorldBuilder(self.loop, self.workers, source, digest, settings.get("spawn_wait", False))
             model_changed.offer(self.mjplug, self.builder, digest)
+            model_values.offer(self.mjplug, self.builder)
         library = Library(folders)
         self.standard = standard_service.offer(
             self.mjplug,

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mjplug.errors import ModelError
-from mjplug.model import lidar_extension, urdf
+from mjplug.model import lidar_extension, urdf, values
 from mjplug.model.text import message_of
+from mjplug.model.values import Value
 
 KINDS: Mapping[str, tuple[mujoco.mjtObj, str, str, str]] = {
     "body": (mujoco.mjtObj.mjOBJ_BODY, "bodies", "nbody", "name_bodyadr"),
@@ -114,7 +115,7 @@ class Recipe:
     base: Source
     deleted: frozenset[int] = frozenset()
     spawned: tuple[Spawned, ...] = ()
-    values: tuple[Any, ...] = ()
+    values: tuple[Value, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +138,7 @@ def compose(recipe: Recipe) -> Composition:
 
     Raises:
         CompositionError: It cannot be composed.
+        RequestError: An element cannot have a changed value.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -147,6 +149,8 @@ def compose(recipe: Recipe) -> Composition:
         for entity in recipe.spawned:
             _attach(spec, entity)
         try:
+            for value in recipe.values:
+                values.apply(spec, value)
             model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise _explained(error) from error

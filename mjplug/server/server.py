@@ -36,7 +36,7 @@ from mjplug.services import (
 )
 from mjplug.services.plugin_times import PluginTimes
 from mjplug.services.rollout import service as rollout
-from mjplug.services.standard import model_changed
+from mjplug.services.standard import model_changed, model_values
 from mjplug.services.standard import service as standard
 from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.states import service as states
@@ -143,6 +143,7 @@ class Server:
         wait = self._settings.simulation_interfaces.spawn_wait
         builder = WorldBuilder(self.loop, self._workers, Source(model.source), digest, wait)
         model_changed.offer(host, builder, digest)
+        model_values.offer(host, builder)
         self._cleanups.callback(builder.close)
         return builder
 

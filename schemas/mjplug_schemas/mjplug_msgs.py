@@ -29,6 +29,14 @@ class Snapshot(Message):
     left_out: sequence[string] = Field((), description="Plugin instances whose state was not saved.")
 
 
+class ModelValue(Message):
+    """Values of one attribute of one element of the model."""
+
+    element: string = Field("", description="Kind and name of the element, such as `geom/floor`; or `option`.")
+    attribute: string = Field("", description="The attribute, as in MJCF, such as `friction`.")
+    values: sequence[float64] = Field((), description="The values, in the units of MuJoCo [m, kg, s, rad].")
+
+
 class ModelChanged(Message):
     """The model that the server simulates, published after each change of it."""
 
@@ -209,3 +217,18 @@ class Rollout(Service):
             description="One row for each action of each sequence: the arrays of `observe`, one after the other.",
         )
         widths: sequence[uint32] = Field((), description="Number of values of each array of `observe`.")
+
+
+class SetModelValues(Service):
+    """Changes values of the model while the simulation runs."""
+
+    class Request(Message):
+        """The values."""
+
+        values: sequence[ModelValue] = Field((), description="The values; all of them or none.")
+
+    class Response(Message):
+        """Whether they were set."""
+
+        success: boolean = Field(False, description="Whether all values were set; otherwise none was.")
+        message: string = Field("", description="Result as text.")

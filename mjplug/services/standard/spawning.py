@@ -117,11 +117,12 @@ class Spawning:
         return GetSpawnables.Response(result=done(note), spawnables=tuple(found))
 
     def restore_base(self, deleted_too: bool) -> Generator[Wait, None, None]:
-        """Removes all spawned entities; with `deleted_too`, brings removed entities of the base model back."""
+        """Removes all spawned entities; with `deleted_too`, restores the whole base model."""
 
         def plan(build: Build) -> None:
             deleted = frozenset[int]() if deleted_too else build.before.deleted
-            build.recipe = replace(build.before, spawned=(), deleted=deleted)
+            values = () if deleted_too else build.before.values
+            build.recipe = replace(build.before, spawned=(), deleted=deleted, values=values)
 
         if self._builder.changed:
             yield from self._builder.change(plan)
