@@ -169,6 +169,20 @@ def test_a_body_at_rest_has_no_acceleration_and_a_falling_one_that_of_gravity():
     assert (static.x, static.y, static.z) == (0, 0, 0)
 
 
+def test_a_long_list_of_states_is_of_one_time():
+    bodies = "".join(f"<body name='b{i:02}' pos='{i} 0 9'><freejoint/><geom size='.1'/></body>" for i in range(45))
+    world = StandardWorld(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>", paused=False)
+    world.step(20)
+    call = world.send("GetEntitiesStates")
+    heights = world.data.xpos[1:, 2].copy()
+    while not call.answered:
+        world.loop.turn()
+    assert world.simulation.step > 20
+    assert [state.pose.position.x for state in call.response.states] == list(range(45))
+    assert [state.pose.position.z for state in call.response.states] == heights.tolist()
+    assert {state.header.stamp.nanosec for state in call.response.states} == {40_000_000}
+
+
 def test_reading_states_does_not_change_the_next_steps():
     first, second = StandardWorld(), StandardWorld()
     for _ in range(50):
@@ -335,7 +349,7 @@ def test_the_features_name_what_is_supported_and_the_rest_answers_so(world):
 
 
 def test_all_22_services_exist(world):
-    services = {name for name in world.transport.services if not name.startswith("/mjplug/")}
+    services = {name for name in world.transport.services if not ("/_action/" in name or name.startswith("/mjplug/"))}
     assert len(services) == 22
     assert all(re.fullmatch("/[a-z_]+", name) for name in services)
 

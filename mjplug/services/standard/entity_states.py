@@ -31,28 +31,66 @@ def states_of(simulation: Simulation, entities: Sequence[Entity]) -> list[Entity
 
     Accelerations are those at the beginning of the last step, as in MuJoCo's sensors.
     """
+    return messages_of(simulation, rows_of(simulation, entities))
+
+
+def rows_of(simulation: Simulation, entities: Sequence[Entity]) -> NDArray[np.float64]:
+    """Returns the same as numbers, one row for each entity, shape (n, 19), without making messages, which takes longer.
+
+    A row contains position, orientation (x, y, z, w), linear and angular velocity, linear and angular acceleration.
+    """
     model, data = simulation.model, simulation.data
-    accelerations = _accelerations(model, data, entities)
+    rows = np.zeros((len(entities), 19))
+    _accelerations(model, data, entities, rows[:, 13:])
     simulation.kinematics()
-    if any(entity.free < 0 and model.body_dofnum[entity.body] for entity in entities):
+    bodies = [entity.body for entity in entities]
+    rows[:, :3] = data.xpos[bodies]
+    rows[:, 3:7] = data.xquat[bodies][:, (1, 2, 3, 0)]
+    free = [index for index, entity in enumerate(entities) if entity.free >= 0]
+    if free:
+        dofs = model.jnt_dofadr[[entities[index].free for index in free]]
+        rows[free, 7:10] = data.qvel[dofs[:, None] + np.arange(3)]
+        turns = data.xmat[[bodies[index] for index in free]].reshape(-1, 3, 3)
+        # MuJoCo's angular velocity of a free body is in body axes.
+        rows[free, 10:13] = np.einsum("nij,nj->ni", turns, data.qvel[dofs[:, None] + np.arange(3, 6)])
+    jointed = [i for i, entity in enumerate(entities) if entity.free < 0 and model.body_dofnum[entity.body]]
+    if jointed:
         # Velocities of bodies belong to the state before the last step, until they are computed again.
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
-    header = Header(stamp=Time.from_ns(simulation.time_ns), frame_id=WORLD)
-    states = []
-    for entity, acceleration in zip(entities, accelerations, strict=True):
-        body = entity.body
-        angular, linear = _velocity(model, data, entity)
-        # Not validated, because there may be hundreds.
-        states.append(
-            EntityState.unchecked(
-                header=header,
-                pose=pose_of(data.xpos[body], data.xquat[body]),
-                twist=Twist.unchecked(linear=_vector3(linear), angular=_vector3(angular)),
-                acceleration=acceleration,
-            )
+        result = np.zeros(6)
+        for index in jointed:
+            mujoco.mj_objectVelocity(model, data, _XBODY, bodies[index], result, 0)
+            rows[index, 7:10], rows[index, 10:13] = result[3:], result[:3]
+    return rows
+
+
+def messages_of(simulation: Simulation, rows: NDArray[np.float64]) -> list[EntityState]:
+    """Returns rows of `rows_of` as messages with the present time."""
+    return messages_at(Header(stamp=Time.from_ns(simulation.time_ns), frame_id=WORLD), rows)
+
+
+def messages_at(header: Header, rows: NDArray[np.float64]) -> list[EntityState]:
+    """Returns rows of `rows_of` as messages."""
+    # Not validated, because there may be hundreds.
+    return [
+        EntityState.unchecked(
+            header=header,
+            pose=Pose.unchecked(
+                position=Point.unchecked(x=row[0], y=row[1], z=row[2]),
+                orientation=Quaternion.unchecked(x=row[3], y=row[4], z=row[5], w=row[6]),
+            ),
+            twist=Twist.unchecked(
+                linear=Vector3.unchecked(x=row[7], y=row[8], z=row[9]),
+                angular=Vector3.unchecked(x=row[10], y=row[11], z=row[12]),
+            ),
+            acceleration=Accel.unchecked(
+                linear=Vector3.unchecked(x=row[13], y=row[14], z=row[15]),
+                angular=Vector3.unchecked(x=row[16], y=row[17], z=row[18]),
+            ),
         )
-    return states
+        for row in rows.tolist()
+    ]
 
 
 def pose_of(position: Array, quat_wxyz: Array) -> Pose:
@@ -64,41 +102,24 @@ def pose_of(position: Array, quat_wxyz: Array) -> Pose:
     )
 
 
-def _velocity(model: mujoco.MjModel, data: mujoco.MjData, entity: Entity) -> tuple[Array, Array]:
-    """Returns angular and linear velocity in world axes."""
-    if entity.free >= 0:
-        dof = int(model.jnt_dofadr[entity.free])
-        return rotate(data.xquat[entity.body], data.qvel[dof + 3 : dof + 6]), data.qvel[dof : dof + 3]
-    if not model.body_dofnum[entity.body]:
-        return np.zeros(3), np.zeros(3)
+def _accelerations(
+    model: mujoco.MjModel, data: mujoco.MjData, entities: Sequence[Entity], rows: NDArray[np.float64]
+) -> None:
+    moving = [index for index, entity in enumerate(entities) if model.body_dofnum[entity.body]]
+    if not moving:
+        return
+    mujoco.mj_rnePostConstraint(model, data)
     result = np.zeros(6)
-    mujoco.mj_objectVelocity(model, data, _XBODY, entity.body, result, 0)
-    return result[:3], result[3:]
-
-
-def _accelerations(model: mujoco.MjModel, data: mujoco.MjData, entities: Sequence[Entity]) -> list[Accel]:
-    moving = [bool(model.body_dofnum[entity.body]) for entity in entities]
-    if any(moving):
-        mujoco.mj_rnePostConstraint(model, data)
-    found, result, gravity = [], np.zeros(6), _gravity(model)
-    for entity, moves in zip(entities, moving, strict=True):
-        result[:] = 0.0
-        if moves:
-            mujoco.mj_objectAcceleration(model, data, _XBODY, entity.body, result, 0)
-            # MuJoCo reports what an accelerometer measures, so a body at rest accelerates upwards.
-            result[3:] += gravity
-        found.append(Accel.unchecked(linear=_vector3(result[3:]), angular=_vector3(result[:3])))
-    return found
+    for index in moving:
+        mujoco.mj_objectAcceleration(model, data, _XBODY, entities[index].body, result, 0)
+        rows[index, :3], rows[index, 3:] = result[3:], result[:3]
+    # MuJoCo reports what an accelerometer measures, so a body at rest accelerates upwards.
+    rows[moving, :3] += _gravity(model)
 
 
 def _gravity(model: mujoco.MjModel) -> Array:
     disabled = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     return np.zeros(3) if disabled else np.array(model.opt.gravity)
-
-
-def _vector3(values: Array) -> Vector3:
-    x, y, z = values.tolist()
-    return Vector3.unchecked(x=x, y=y, z=z)
 
 
 def set_state(simulation: Simulation, entities: Entities, request: SetEntityState.Request) -> str:

@@ -6,13 +6,13 @@ from typing import Any
 from mjplug.config.standard_settings import StandardSettings
 from mjplug.model.library import Library
 from mjplug.physics.loop import Loop
-from mjplug.physics.scheduler import Wait
-from mjplug.plugin import Call, Host
+from mjplug.physics.scheduler import Event, Wait
+from mjplug.plugin import Call, Host, Slow
 from mjplug.services.standard import features
 from mjplug.services.standard.bounds import bounds_of
 from mjplug.services.standard.configured import entities_of, places_of
 from mjplug.services.standard.entities import CATEGORIES, Entities
-from mjplug.services.standard.entity_states import set_state, states_of
+from mjplug.services.standard.entity_states import WORLD, messages_at, rows_of, set_state, states_of
 from mjplug.services.standard.filters import selected
 from mjplug.services.standard.named_poses import NamedPoses
 from mjplug.services.standard.replies import UNSUPPORTED, ResultError, done, replying
@@ -21,7 +21,12 @@ from mjplug.services.standard.spawning import Spawning
 from mjplug.services.standard.world_builder import WorldBuilder
 from mjplug.services.stepping.ownership import Ownership
 from mjplug_schemas import simulation_interfaces as standard
+from mjplug_schemas.builtin_interfaces import Time
 from mjplug_schemas.message import Message, Service
+from mjplug_schemas.std_msgs import Header
+
+_AT_ONCE = 20
+"""Number of states that are made into messages between two steps."""
 
 
 def offer(
@@ -85,6 +90,7 @@ class Standard:
     ) -> None:
         self._host = host
         self._simulation = loop.simulation
+        self._inbox = loop.inbox
         self._prefix = "{ns}" if settings.namespace is None else settings.namespace
         self._features = features.Features(settings, spawning is not None)
         self._spawning = spawning
@@ -140,12 +146,22 @@ class Standard:
         found = selected(self._simulation, self._entities, request.filters)
         return standard.GetEntities.Response(result=done(), entities=tuple(entity.name for entity in found))
 
-    def _get_entities_states(self, request: standard.GetEntitiesStates.Request, call: Call) -> Message:
-        found = selected(self._simulation, self._entities, request.filters)
+    def _get_entities_states(self, request: standard.GetEntitiesStates.Request, call: Call) -> Slow:
+        simulation = self._simulation
+        found = selected(simulation, self._entities, request.filters)
+        rows = rows_of(simulation, found)
+        header = Header(stamp=Time.from_ns(simulation.time_ns), frame_id=WORLD)
+        states = messages_at(header, rows[:_AT_ONCE])
+        for begin in range(_AT_ONCE, len(rows), _AT_ONCE):
+            # Steps may be taken between parts of a long list, whose numbers were read at one time.
+            turn = Event()
+            self._inbox.post(turn.set)
+            yield turn
+            states += messages_at(header, rows[begin : begin + _AT_ONCE])
         return standard.GetEntitiesStates.Response.unchecked(
             result=done(),
             entities=tuple(entity.name for entity in found),
-            states=tuple(states_of(self._simulation, found)),
+            states=tuple(states),
         )
 
     def _get_entity_state(self, request: standard.GetEntityState.Request, call: Call) -> Message:
