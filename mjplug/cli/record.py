@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 _REPORT_AFTER = 2.0
 """Time after which selected topics without messages are named [s]."""
 
-_TIME_TIMEOUT = 2.0
-"""How long to wait for simulated time at the start [s]."""
+_TIME_TIMEOUT = 10.0
+"""How long to wait for topics and simulated time at the start [s]. A server on a busy machine may need seconds."""
 
 _SWITCH_INTERVAL = 5e-4
 """Time after which Python gives the interpreter to a thread that waits [s]: Zenoh's thread, which must take messages

@@ -3,6 +3,7 @@
 import threading
 
 import foxglove
+import zenoh
 from foxglove.websocket import Capability, StatusLevel
 
 from mjplug.client import Client
@@ -36,7 +37,8 @@ class FoxgloveBridge:
         self._read_only = read_only
         self._offered: set[str] = set()
         self._clocks: dict[str, object] = {}
-        self._lock = threading.Lock()
+        # The SDK refuses a call on the server while another thread is in one ("Already mutably borrowed").
+        self._calling = threading.Lock()
         context = foxglove.Context()
         self._topics = Topics(client.session, context, self._jump)
         writing = [] if read_only else [Capability.ClientPublish, Capability.Services, Capability.Parameters]
@@ -46,7 +48,8 @@ class FoxgloveBridge:
                 host=host,
                 port=port,
                 capabilities=[Capability.Time, *writing],
-                server_listener=Listener(client, self._topics, self._show),
+                # A client may connect before there are sources.
+                server_listener=Listener(client, self._topics, lambda: self.sources.servers, self._show),
                 supported_encodings=[] if read_only else ["cdr", "json"],
                 context=context,
             )
@@ -58,7 +61,8 @@ class FoxgloveBridge:
     @property
     def port(self) -> int:
         """The port on which it listens."""
-        return self._server.port
+        with self._calling:
+            return self._server.port
 
     def close(self) -> None:
         """Ends the server."""
@@ -74,18 +78,26 @@ class FoxgloveBridge:
             # Also without a subscriber in Foxglove, because all panels use this time.
             self._clocks[source.topic.name] = self._client.session.declare_subscriber(
                 key(source.topic.name),
-                lambda sample: self._server.broadcast_time(max(0, self._topics.time_of(sample))),
+                self._tick,
             )
 
     def _serve(self, source: ServiceSource) -> None:
-        with self._lock:
-            if source.name in self._offered:
-                return
-            self._offered.add(source.name)
-        self._server.add_services([service_of(self._client.session, source)])
+        if source.name in self._offered:
+            return
+        self._offered.add(source.name)
+        service = service_of(self._client.session, source)
+        with self._calling:
+            self._server.add_services([service])
+
+    def _tick(self, sample: zenoh.Sample) -> None:
+        time_ns = max(0, self._topics.time_of(sample))
+        with self._calling:
+            self._server.broadcast_time(time_ns)
 
     def _jump(self) -> None:
-        self._server.clear_session()
+        with self._calling:
+            self._server.clear_session()
 
     def _show(self, text: str) -> None:
-        self._server.publish_status(text, StatusLevel.Warning)
+        with self._calling:
+            self._server.publish_status(text, StatusLevel.Warning)

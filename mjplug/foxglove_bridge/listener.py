@@ -1,6 +1,5 @@
 """What clients of the WebSocket do: subscribe, publish, and read and set parameters."""
 
-import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -18,8 +17,6 @@ from mjplug_schemas.errors import NameRuleError
 from mjplug_schemas.names import key, validate_name
 from mjplug_schemas.rcl_interfaces import GetParameters, ParameterType
 
-_log = logging.getLogger(__name__)
-
 _MAX_PAYLOAD = 1 << 20
 """Maximum size of a message from a client of the WebSocket [bytes], as for the server."""
 
@@ -30,11 +27,19 @@ class Listener(ServerListener):
     Args:
         client: The client of the network.
         topics: The topics.
+        servers: Returns the names of the servers.
         status: Shows a sentence to the users.
     """
 
-    def __init__(self, client: MjplugClient, topics: Topics, status: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        client: MjplugClient,
+        topics: Topics,
+        servers: Callable[[], list[str]],
+        status: Callable[[str], None],
+    ) -> None:
         self._client = client
+        self._servers = servers
         self._topics = topics
         self._status = status
         self._published: dict[tuple[int, int], tuple[zenoh.Publisher, Attachments]] = {}
@@ -105,13 +110,13 @@ class Listener(ServerListener):
 
     def _parameters(self, names: frozenset[str]) -> list[foxglove.Parameter]:
         found = []
-        for server in self._client.nodes():
+        for server in self._servers():
             try:
                 own = [name for name in names_of(self._client, server) if not names or f"{server}.{name}" in names]
                 request = GetParameters.Request(names=tuple(own))
                 values = self._client.call(f"{server}/get_parameters", request).values if own else ()
             except ClientError as error:
-                _log.debug("%s", error)
+                self._status(f"the parameters of {server} are missing: {error}")
                 continue
             for name, value in zip(own, values, strict=True):
                 # A parameter that is not set has no value to show.
