@@ -197,7 +197,7 @@ def test_parameters_are_read_and_set(viewer):
         while time.monotonic() < until:
             id = str(next(ids))
             viewer.send(id=id, **fields)
-            viewer.until(lambda: any(other.get("id") == id for other in viewer.others))
+            viewer.until(lambda id=id: any(other.get("id") == id for other in viewer.others))
             (found,) = (other for other in viewer.others if other.get("id") == id)
             # A server on a busy machine may not answer in time; then there is a status message, and no parameter.
             if found["parameters"]:
