@@ -214,8 +214,17 @@ def test_parameters_are_read_and_set(viewer):
     assert answer(op="setParameters", parameters=[speed | {"value": 1.0}])["/mjplug.sim.speed"] == 1.0
 
 
-def test_a_read_only_server_offers_neither_services_nor_parameters(server, tmp_path):
+@pytest.fixture
+def read_only(server, tmp_path):
     bridge = Bridge(server, tmp_path, "--read-only")
+    yield bridge
+    if bridge.process.poll() is None:
+        bridge.process.kill()
+        bridge.process.wait()
+
+
+def test_a_read_only_server_offers_neither_services_nor_parameters(server, read_only, tmp_path):
+    bridge = read_only
     viewer = Viewer(bridge.address)
     viewer.subscribe(1, "/joint_states")
     viewer.until(lambda: viewer.messages(1))
