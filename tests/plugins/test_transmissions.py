@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from joint_robots import compiled
 from pydantic import ValidationError
+from standard_worlds import StandardWorld
 
 from mjplug.errors import MjplugError
 from mjplug.testing import World
@@ -29,7 +30,7 @@ PLAIN = {"type": "differential", "joints": JOINTS, "actuators": ACTUATORS, "join
 SIMPLE = {"joints": ["joint1"], "actuators": ["actuator1"], "joint_reductions": [-50.0], "joint_offsets": [0.3]}
 
 
-def robot(drive="position", names=JOINTS):
+def text_of(drive="position", names=JOINTS):
     """Two joints about one vertical axis, and a third one without a transmission, with actuators of a kind."""
     kinds = {"position": 'position kp="200" kv="20"', "velocity": 'velocity kv="20"', "motor": "motor"}
     joints = [*names, "tool"]
@@ -39,10 +40,14 @@ def robot(drive="position", names=JOINTS):
         '<geom size=".1" pos=".3 0 0"/></body>'
         for x, name in enumerate(joints)
     )
-    return compiled(
+    return (
         f'<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>{bodies}</worldbody>'
         f"<actuator>{actuators}</actuator></mujoco>"
     )
+
+
+def robot(drive="position", names=JOINTS):
+    return compiled(text_of(drive, names))
 
 
 def world_of(transmission, model, side="actuators", **parameters):
@@ -393,6 +398,27 @@ def test_a_restored_state_continues_bit_by_bit():
         world.restore(saved)
         world.loop.step(200)
         assert (world.data.qpos.tolist(), world.data.ctrl.tolist()) == expected
+
+
+@pytest.mark.parametrize("parameters", [{}, {"pid_gains": PIDS}], ids=["servos", "pids"])
+def test_derived_coordinates_continue_when_an_entity_is_added(parameters):
+    new = '<mujoco><worldbody><body name="b"><freejoint/><geom size=".01" mass=".001"/></body></worldbody></mujoco>'
+    far = {"pose": {"position": {"x": 500.0}, "orientation": {"w": 1.0}}}
+    positions = []
+    for adds in (False, True):
+        world = StandardWorld(text_of("motor" if parameters else "position"))
+        world.add(JointCommands, "arm", transmissions={"arm": PLAIN}, **parameters)
+        world.add(JointStatePublisher, "states", rate=500.0, transmissions={"arm": PLAIN}, side="actuators")
+        world.transport.send("/arm/joint_commands", JointState(name=["actuator1"], position=[0.7]))
+        world.step(50)
+        world.transport.send("/arm/joint_trajectory", trajectory(["actuator2"], [-0.4]))
+        world.step(50)
+        if adds:
+            assert world.spawn("x", new, initial_pose=far).result.result == 1
+        world.step(500)
+        positions.append(world.published("/joint_states")[-1].position)
+    assert positions[0] == positions[1]
+    assert positions[0][:2] == pytest.approx((0.7, -0.4), abs=0.05)
 
 
 def test_both_sides_in_one_message_are_refused():
