@@ -120,7 +120,7 @@ class Client:
     def __exit__(self, *_):
         self.session.close()
 
-    def send(self, selector, payload=None, encoding=None, attachment=None, timeout=30.0):
+    def send(self, selector, payload=None, encoding=None, attachment=None, timeout=TIMEOUT):
         """Sends a request as it stands."""
         pending = Pending()
         self.session.get(

@@ -1,6 +1,7 @@
 """Servers to talk to. Each is a process of its own; those that tests share stand still between requests."""
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,7 @@ def world(standing):
 @pytest.fixture(scope="package")
 def attacked():
     """A server that runs in real time: it has something to lose."""
+    began = time.monotonic()
     server = Served(
         "scene.xml", "--plugin", "external_wrench", "--plugin", "probe:Probe:probe", "--plugin", "heartbeat",
         "--set", "plugins.heartbeat.update_rate=50.0", cwd=WORLD,
@@ -101,9 +103,10 @@ def attacked():
         yield world
     assert server.stop() == 0
     assert "Traceback" not in server.err.text
-    # A flood of bad input is no flood of log lines.
-    assert server.err.text.count("\n") < 150
-    assert len(server.err.text) < 150_000
+    # A flood of bad input is no flood of log lines: each kind of line comes at most once in some seconds.
+    lines = 150 + 5 * (time.monotonic() - began)
+    assert server.err.text.count("\n") < lines
+    assert len(server.err.text) < 1000 * lines
 
 
 @pytest.fixture

@@ -134,7 +134,7 @@ def test_a_program_in_the_way_is_an_error_with_the_way_around():
     with socket.create_server(("127.0.0.1", 0)) as other:
         (finding,) = check_network(f"tcp/127.0.0.1:{other.getsockname()[1]}")
     assert (finding.level, "end it, or serve with --listen" in finding.fix) == ("error", True)
-    assert "did not answer within 1 s, but accepts connections" in finding.message
+    assert re.search(r"did not answer within [\d.]+ s, but accepts connections", finding.message)
     (finding,) = check_network("nonsense")
     assert "is not a Zenoh endpoint" in finding.message
     (finding,) = check_network("tcp/robot..lab:7447")

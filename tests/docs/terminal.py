@@ -208,13 +208,21 @@ def commands(console: str) -> list[str]:
 
 
 def matches(printed: str, expected: str) -> bool:
-    """Returns whether an output matches a page, where `...` matches any text, or any lines if alone on a line."""
+    """Returns whether an output matches a page.
+
+    `...` matches any text, or any lines if alone on a line. Two spaces match any greater number, because the width of a
+    table's columns depends on their values.
+    """
     pattern = "".join(
-        r"(?:.*\n)*" if line.strip() == "..." else re.escape(line.rstrip()).replace(r"\.\.\.", ".*") + "\n"
-        for line in expected.splitlines()
+        r"(?:.*\n)*" if line.strip() == "..." else _pattern(line.rstrip()) + "\n" for line in expected.splitlines()
     )
     text = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
     return re.fullmatch(pattern, text) is not None
+
+
+def _pattern(line: str) -> str:
+    escaped = re.escape(line).replace(r"\.\.\.", ".*")
+    return re.sub(r"(?:\\ ){2,}", " {2,}", escaped)
 
 
 def _environment(command: Command | None = None, endpoint: str | None = None) -> dict[str, str]:

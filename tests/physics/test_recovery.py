@@ -3,6 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
+from mjplug.physics import recovery as recovery_module
 from mjplug.physics.divergence import Divergence
 from mjplug.physics.recovery import MIN_STEPS_BETWEEN_RESETS, Recovery
 from mjplug.physics.reset import Reset
@@ -85,7 +86,9 @@ def test_a_world_is_stuck_until_it_steps_or_is_reset(arm_model):
         assert not recovery.before_diverged_step(simulation)
 
 
-def test_a_run_ends_with_what_was_held_back(arm_model, caplog):
+def test_a_run_ends_with_what_was_held_back(arm_model, caplog, monkeypatch):
+    # However long the run takes.
+    monkeypatch.setattr(recovery_module, "REPORT_INTERVAL", 1000.0)
     world = World(arm_model, on_divergence="reset")
     bad = itertools.count()
 
