@@ -2,7 +2,7 @@
 
 Usage: python train.py [--picture FILE]
 
-Needs the extra `gym` and the package cma; --picture also needs matplotlib.
+Needs the extra `gym`, and the packages cma and matplotlib.
 """
 
 import argparse
