@@ -17,6 +17,7 @@ from benchmarks import (
     publication,
     rmw_zenoh,
     round_trip,
+    spawn,
     steps,
     view,
 )
@@ -87,6 +88,7 @@ def main() -> int:
         round_trip,
         lockstep,
         lateness,
+        spawn,
         view,
     ):
         print(f"measuring {part.__name__.removeprefix('benchmarks.')} ...", file=sys.stderr, flush=True)

@@ -4,9 +4,13 @@ Each change composes a fresh MjSpec, because one that failed to compile cannot b
 changed again and again grows.
 """
 
+import contextlib
 import os
+import sys
+import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +42,9 @@ _TEMPORARY = "\x01mjplug "
 """Begin of the names that unnamed elements get while a model is composed. XML cannot contain this character."""
 
 _WORLD_BODY = 0
+_NICENESS = 5
+"""The compiler gets less processor time than physics, as worker processes do."""
+
 _UNKNOWN_FORMAT = "Unrecognized XML model type"
 
 
@@ -151,13 +158,35 @@ def compose(recipe: Recipe) -> Composition:
         try:
             for value in recipe.values:
                 values.apply(spec, value)
-            model = spec.compile()
+            model = _compile(spec)
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise _explained(error) from error
     keys = {kind: _keys(model, kind) for kind in KINDS}
     _blank_names(model)
     notes = tuple(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught))
     return Composition(model, keys, notes)
+
+
+def _compile(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compiles in a thread with a lower priority than physics, from which the compiler's own threads inherit it.
+
+    Only the compiler has it: a thread that waits for a processor while it holds Python's global interpreter lock would
+    delay physics.
+    """
+    outcome: Future[mujoco.MjModel] = Future()
+
+    def run() -> None:
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        try:
+            outcome.set_result(spec.compile())
+        except Exception as error:
+            # Raised again by `result`.
+            outcome.set_exception(error)
+
+    threading.Thread(target=run, name="mjplug compiler", daemon=True).start()
+    return outcome.result()
 
 
 def model_name(spec: mujoco.MjSpec) -> str:

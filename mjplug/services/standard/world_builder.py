@@ -1,8 +1,5 @@
 """Changes the model while the simulation runs: compiled in a thread, and put into use between two steps."""
 
-import contextlib
-import os
-import sys
 import threading
 from collections.abc import Callable, Generator, Mapping
 from queue import SimpleQueue
@@ -22,9 +19,6 @@ from mjplug.physics.scheduler import Event, Wait
 from mjplug.physics.transfer import Transfer
 
 T = TypeVar("T")
-
-_NICENESS = 5
-"""The compiler gets less processor time than physics, as worker processes do."""
 
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
@@ -170,7 +164,6 @@ class WorldBuilder:
         return compose(build.recipe)
 
     def _work(self) -> None:
-        _yield_to_physics()
         while (task := self._queue.get()) is not None:
             task.run()
 
@@ -202,13 +195,6 @@ class Build:
         """
         self.composition, self.composed = compose(recipe), recipe
         return self.composition
-
-
-def _yield_to_physics() -> None:
-    """Gives the calling thread, and the threads of the compiler that it starts, a lower priority than physics."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
 
 
 def _initial(
