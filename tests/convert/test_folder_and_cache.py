@@ -97,10 +97,7 @@ folder.write_folder(target, files, force=True)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
-@pytest.mark.parametrize(
-    "count", [1, 4, 11, 12], ids=["first file", "second file", "before the end", "at the exchange"]
-)
-@pytest.mark.parametrize("replaced", [False, True])
+@pytest.mark.parametrize(("replaced", "count"), [(False, 4), (True, 1), (True, 11), (True, 12)])
 def test_a_conversion_that_is_killed_leaves_the_old_or_the_new_folder(tmp_path, count, replaced):
     old, _ = converted(tmp_path, ARM)
     new, _ = converted(tmp_path, ARM, scene="tabletop")
