@@ -114,7 +114,7 @@ def shared_server():
 def shared_bridge(shared_server, tmp_path_factory, ros_environment):
     """A bridge with its default names."""
     bridge = Bridge(tmp_path_factory.mktemp("bridge"), {"connect": [shared_server.endpoint]}, ros_environment)
-    bridge.wait_for("services are mapped")
+    bridge.wait_for("are mapped")
     yield bridge
     assert bridge.stop() == 0, bridge.log.text
     assert "Traceback" not in bridge.log.text, bridge.log.text

@@ -143,7 +143,7 @@ def reply(query, payload):
 def test_signals_end_the_bridge_while_it_waits_and_while_it_works(bridge, serve, free_endpoint, number):
     assert bridge_ends(bridge(free_endpoint), "waiting for a server", number) == 0
     server = serve()
-    assert bridge_ends(bridge(server.endpoint), "services are mapped", number) == 0
+    assert bridge_ends(bridge(server.endpoint), "are mapped", number) == 0
 
 
 def bridge_ends(bridge, pattern, number):
@@ -154,7 +154,7 @@ def bridge_ends(bridge, pattern, number):
 def test_signals_that_repeat_while_the_bridge_closes_do_not_keep_it_from_its_end(bridge, sim):
     sim.open_service("/go")
     own = bridge(sim.endpoint)
-    own.wait_for("services are mapped")
+    own.wait_for("are mapped")
     while own.process.poll() is None:
         own.process.send_signal(signal.SIGINT)
         threading.Event().wait(0.002)
