@@ -86,11 +86,13 @@ class Rosbags:
 
     def __init__(self):
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        for name, message in plain_messages().items():
-            if name not in self.store.fielddefs:
-                self.add(message)
+        for message in plain_messages().values():
+            self.add(message)
 
     def add(self, message):
+        if message.TYPE in self.store.fielddefs:
+            # Registration takes milliseconds, and some tests add a type in each of their examples.
+            return
         # rosbags would turn pkg/srv/X into pkg/srv/msg/X, so the text is parsed under another name.
         constants, parsed = get_types_from_msg(definition(message), "parsed/msg/Parsed")["parsed/msg/Parsed"]
         self.store.register({message.TYPE: (constants, [(name, _of_action(kind)) for name, kind in parsed])})
