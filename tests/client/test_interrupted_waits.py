@@ -19,7 +19,7 @@ from mjplug.wakeup import Flag, Wakeup
 from mjplug_schemas.std_msgs import String
 
 BRIEFLY = 1e-3
-SAMPLE = types.SimpleNamespace(kind=zenoh.SampleKind.PUT, payload=zenoh.ZBytes(b"x"))
+SAMPLE = types.SimpleNamespace(kind=zenoh.SampleKind.PUT, payload=zenoh.ZBytes(b"x"), attachment=None)
 
 
 @dataclass
