@@ -1,8 +1,9 @@
 """SIGINT and SIGTERM as a wish to end, for commands that complete something before they end."""
 
 import signal
-import threading
 from types import FrameType
+
+from mjplug.wakeup import Flag
 
 
 class EndingSignals:
@@ -16,7 +17,8 @@ class EndingSignals:
     def __init__(self) -> None:
         self.count = 0
         self.last = signal.SIGINT
-        self._arrived = threading.Event()
+        # `threading.Event` could wait for its own lock in a signal handler.
+        self._arrived = Flag()
 
     def wait(self, timeout: float) -> bool:
         """Waits for a signal; returns whether one has arrived.
