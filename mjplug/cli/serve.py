@@ -143,13 +143,15 @@ def serve(
     sets += [_zenoh_config(zenoh_config)] if zenoh_config is not None else []
     if view is not None:
         check_view()
-    with logging_to_stderr(-1 if quiet else verbose):
+    verbosity = -1 if quiet else verbose
+    if check:
+        with logging_to_stderr(verbosity), closing(prepare(read_draft(config, model=model, sets=sets))) as prepared:
+            check_start(prepared)
+        # After the block, so that it is the last line.
+        say(f"ok · {prepared.summary}")
+        return
+    with logging_to_stderr(verbosity):
         draft = read_draft(config, model=model, sets=sets)
-        if check:
-            with closing(prepare(draft)) as prepared:
-                check_start(prepared)
-                say(f"ok · {prepared.summary}")
-            return
         watchdog = StopWatchdog()
         watchdog.start()
         try:

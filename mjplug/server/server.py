@@ -109,6 +109,7 @@ class Server:
         self.ownership = stepping.offer(host, self.loop, transport, self.topics, names.key(name))
         step_simulation.offer(host, self.loop, self.ownership)
         self._cleanups.callback(rollout.offer(host, self.loop, saved.vector))
+        clock.offer(host, self.loop, sim.clock_rate)
         if settings.simulation_interfaces.enabled:
             builder = self._builder(host, saved.keeper.model_digest, model)
             standard.offer(
@@ -121,7 +122,6 @@ class Server:
                 builder,
                 Library(spawnables),
             )
-        clock.offer(host, self.loop, sim.clock_rate)
         parameters.offer(host, self.loop, settings, self._changeable)
         diagnostics.offer(host, self.loop, self.diagnostics, name)
         types = {instance: entry.type for instance, entry in settings.plugins.items()}

@@ -46,7 +46,7 @@ class Command:
     def talks(self) -> bool:
         """Whether it needs a running server."""
         connecting = (
-            self.words[1] in ("topic", "service", "node", "param", "sim", "top", "teleop", "record", "play")
+            self.words[1] in ("topic", "service", "action", "node", "param", "sim", "top", "teleop", "record", "play")
             or "--quick" in self.words
         )
         return self.words[0] == "mjplug" and (connecting or self.words[1] == "view")

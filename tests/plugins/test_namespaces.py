@@ -59,6 +59,11 @@ ABSOLUTE = {"/clock", "/diagnostics", "/rosout"}
 """What stays where it is whatever the namespace; see concepts.md."""
 
 
+def own_action(namespace):
+    """The topics of the server's own action."""
+    return {f"{namespace}/simulate_steps/_action/{part}" for part in ("feedback", "status")}
+
+
 @pytest.fixture
 def start(request):
     """Starts plugins in a server without threads, and returns its transport."""
@@ -115,7 +120,7 @@ def test_the_namespace_of_an_instance_is_below_that_of_the_server_unless_it_is_a
     published = set(start(plugins, namespace="fleet").publishers) - ABSOLUTE
     assert published == {
         "/fleet/red/a/beat", "/blue/mujoco_heartbeat", "/fleet/mujoco_heartbeat", "/mujoco_heartbeat",
-        "/fleet/mjplug/epoch",
+        "/fleet/mjplug/epoch", *own_action("/fleet"),
     }  # fmt: skip
 
 
@@ -136,7 +141,7 @@ def test_an_instance_with_the_name_of_the_server_does_not_move_the_server(start)
 def test_the_names_of_mujoco_ros2_control_keep_the_absolute_defaults_documented_there(start, entry, topic):
     plugin = {"type": "mujoco_ros2_control_plugins/HeartbeatPublisherPlugin", **entry}
     published = set(start({"x": plugin}, namespace="robot1").publishers)
-    assert published == {topic, "/robot1/mjplug/epoch"} | ABSOLUTE
+    assert published == {topic, "/robot1/mjplug/epoch"} | own_action("/robot1") | ABSOLUTE
 
 
 def frames(value):
