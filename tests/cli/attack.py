@@ -3,6 +3,7 @@
 import random
 
 from cli.client import wrench, wrenches
+from refusals import refusal_in
 
 from mjplug_schemas.registry import find
 
@@ -38,8 +39,8 @@ def refused(pending):
     answer = pending.answer()
     if answer.encoding.startswith("application/cdr"):
         response = find(answer.encoding.partition(";")[2].removesuffix("_Response")).Response.from_cdr(answer.payload)
-        assert response.success is False
-        sentence = response.message
+        sentence = refusal_in(response)
+        assert sentence is not None, response
     else:
         sentence = answer.sentence
     assert 5 < len(sentence) < 5000

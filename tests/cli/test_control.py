@@ -140,7 +140,10 @@ def test_all_bodies_are_placed_or_none(world):
 def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
     listing = world.client.ask("mjplug/interfaces")
     assert (listing["name"], listing["endpoint"]) == ("/mjplug", world.server.endpoint)
-    assert {s["key"]: s["type"] for s in listing["services"]} == {
+    standard = {s["key"] for s in listing["services"] if s["type"].startswith("simulation_interfaces/")}
+    assert {"get_entities", "spawn_entity", "set_simulation_state"} < standard
+    assert {s["key"]: s["type"] for s in listing["services"] if s["key"] not in standard} == {
+        "mjplug/set_model_values": "mjplug_msgs/srv/SetModelValues",
         "mjplug/set_pause": "mujoco_ros2_control_msgs/srv/SetPause",
         "mjplug/step_simulation": "mujoco_ros2_control_msgs/srv/StepSimulation",
         "mjplug/reset_world": "mujoco_ros2_control_msgs/srv/ResetWorld",
@@ -166,6 +169,7 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
         ("clock", "clock/@json", "published"): "rosgraph_msgs/msg/Clock",
         ("diagnostics", "diagnostics/@json", "published"): "diagnostic_msgs/msg/DiagnosticArray",
         ("mjplug/epoch", "mjplug/epoch/@json", "published"): "std_msgs/msg/UInt64",
+        ("mjplug/model_changed", "mjplug/model_changed/@json", "published"): "mjplug_msgs/msg/ModelChanged",
         ("rosout", "rosout/@json", "published"): "rcl_interfaces/msg/Log",
         ("external_wrench/wrench_markers", "external_wrench/wrench_markers/@json", "published"):
             "visualization_msgs/msg/MarkerArray",
@@ -174,7 +178,8 @@ def test_the_list_of_interfaces_has_every_key_with_type_hash_and_qos(world):
     }  # fmt: skip
     entries = [*listing["services"], *listing["topics"]]
     assert all(entry["name"] == f"/{entry['key']}" for entry in entries)
-    hashes = {entry["type"].rpartition("/")[2]: entry["hash"] for entry in entries}
+    own = [entry for entry in entries if entry["key"] not in standard]
+    hashes = {entry["type"].rpartition("/")[2]: entry["hash"] for entry in own}
     assert {name: hashes[name] for name in HASHES} == HASHES
     assert all(re.fullmatch("RIHS01_[0-9a-f]{64}", digest) for digest in hashes.values())
     qos = {t["key"]: t["qos"] for t in listing["topics"]}

@@ -17,6 +17,7 @@ from hostile.attack import Tally, arguments
 from hostile.byte_transport import ByteTransport, LocalInquiry
 from hostile.inputs import Inputs, encoding_of
 from hostile.observed import resident
+from refusals import refusal_in
 
 from mjplug.config.load import read
 from mjplug.contracts.transport import ServiceName
@@ -28,6 +29,7 @@ from mjplug.server.offline import OfflineWorkerPool
 from mjplug.server.server import Server
 from mjplug.wire.encoding import Received
 from mjplug.wire.rmw_zenoh.descriptions import TypeDescriptions
+from mjplug_schemas.action import Action
 from mjplug_schemas.registry import find
 from mjplug_schemas.type_description_interfaces import GetTypeDescription
 
@@ -193,21 +195,24 @@ def attack(tally, first, count):
 def _judge(tally, inquiries):
     """Checks that each request has exactly one answer, of the right type."""
     for raw in inquiries:
-        if len(raw.answers) != 1:
+        action = issubclass(find(raw.given.interface.type_name), Action)
+        # An action sends feedback and the result too.
+        if len(raw.answers) != 1 and not (action and raw.answers):
             tally.count("unanswered", not raw.answers)
             tally.find(raw.given.index, f"{len(raw.answers)} answers", raw.given)
             continue
-        ((answer, form),) = raw.answers
-        if form is None:
-            sentence, refused = answer, True
-        else:
-            response_type = find(raw.given.interface.type_name).Response
-            response = response_type.from_cdr(answer) if form == "cdr" else response_type.from_json(answer)
-            refused = getattr(response, "success", True) is False
-            sentence = getattr(response, "message", "") if refused else "accepted"
+        answer, form = raw.answers[0]
+        reason = answer if form is None else None if action else _reason(raw.given.interface.type_name, answer, form)
+        refused, sentence = reason is not None, "accepted" if reason is None else reason
         tally.count("refused", refused)
         if "internal error" in sentence or not sentence.strip() or len(sentence) > 100_000:
             tally.find(raw.given.index, f"the answer is {sentence[:300]!r}", raw.given)
+
+
+def _reason(type_name, answer, form):
+    """Returns why a request was refused, from its encoded response; None if it was not."""
+    response_type = find(type_name).Response
+    return refusal_in(response_type.from_cdr(answer) if form == "cdr" else response_type.from_json(answer))
 
 
 def main(argv=None):

@@ -71,7 +71,8 @@ class Content:
         array = np.array(arrays[name], copy=True)
         kind = random.random()
         if kind < 0.1:
-            array = array.astype(random.choice((np.float32, np.int64, np.uint8, np.bool_, np.complex128)))
+            with np.errstate(all="ignore"):
+                array = array.astype(random.choice((np.float32, np.int64, np.uint8, np.bool_, np.complex128)))
         elif kind < 0.2:
             array = random.choice((array.reshape(-1)[:-1], np.append(array.reshape(-1), 0.0), array[None], array[:0]))
         elif array.size:

@@ -89,6 +89,16 @@ def test_outputs_are_those_of_an_independent_implementation(several):
         assert limited > 50 or not several
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308])
+@pytest.mark.parametrize("name", ["setpoint", "integral", "last"])
+def test_a_saved_state_with_numbers_that_would_overflow_does_not_fit(name, value):
+    bank = PidBank([PidGains(i=1.0)], np.zeros(1), [0], np.zeros(1), [0], [(-math.inf, math.inf)], DT)
+    saved = {key: array.copy() for key, array in bank.save().items()}
+    assert bank.fits(saved)
+    saved[name][0] = value
+    assert not bank.fits(saved)
+
+
 def test_only_those_that_run_reach_their_actuators_and_a_start_forgets_the_integral():
     state, ctrl = np.zeros(2), np.full(2, 9.0)
     unlimited = (-math.inf, math.inf)

@@ -30,12 +30,12 @@ class Driver(Plugin[Parameters]):
         world, number = self.world, self.number
         self.number += 1
         turn = math.sin(number)
-        world.joints._handle_trajectory(
-            JointTrajectory(
-                joint_names=["elbow"],
-                points=[JointTrajectoryPoint(positions=[turn], time_from_start=Duration(nanosec=90_000_000))],
-            )
+        trajectories = world.joints._trajectories
+        message = JointTrajectory(
+            joint_names=["elbow"],
+            points=[JointTrajectoryPoint(positions=[turn], time_from_start=Duration(nanosec=90_000_000))],
         )
+        trajectories.start(trajectories.checked(message))
         world.joints._wake()
         world.drive._handle(Twist(linear=Vector3(x=turn), angular=Vector3(z=0.3)))
         world.data.ctrl[1] = 0.4 * turn

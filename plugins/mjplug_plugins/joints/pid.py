@@ -12,6 +12,9 @@ from mjplug_plugins.joints.parameters import PidGains
 
 Array = NDArray[np.float64]
 
+_LARGEST = 1e100
+"""Limit for the numbers of a saved state; products of larger ones with gains could overflow."""
+
 
 class PidBank:
     """All PIDs for one kind of command, position or velocity.
@@ -105,7 +108,9 @@ class PidBank:
     def fits(self, saved: Mapping[str, Any]) -> bool:
         """Returns whether `restore` accepts a state."""
         return all(
-            isinstance(array := saved.get(name), np.ndarray) and (array.shape, array.dtype) == (own.shape, own.dtype)
+            isinstance(array := saved.get(name), np.ndarray)
+            and (array.shape, array.dtype) == (own.shape, own.dtype)
+            and bool((np.abs(array) <= _LARGEST).all())
             for name, own in self.save().items()
         )
 
