@@ -36,27 +36,37 @@ def check_file(name: str, packages: Packages) -> Path:
     return path
 
 
-def check_files(root: Element, packages: Packages) -> None:
+def check_files(root: Element, packages: Packages, relative: bool = True) -> None:
     """Checks all names of files in MJCF.
+
+    Args:
+        root: The MJCF, or elements of it.
+        packages: ROS packages.
+        relative: Whether names can be relative to the folders that the MJCF's `<compiler>` elements name.
 
     Raises:
         ModelError: It names a file outside of ROS packages, or includes other MJCF.
     """
-    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    # MuJoCo ignores namespaces, so the checks do too.
+    elements = [(element, _local(element.tag)) for element in root.iter() if isinstance(element.tag, str)]
+    compilers = [element for element, tag in elements if tag == "compiler"]
     folders = {
-        attribute: element.attrib[attribute]
-        for element in elements
-        if element.tag == "compiler"
-        for attribute in _FOLDERS
-        if element.get(attribute)
+        kind: [element.attrib[name] for element in compilers for name in (kind, "assetdir") if name in element.attrib]
+        for kind in ("meshdir", "texturedir")
     }
-    for element in elements:
-        if element.tag in _FORBIDDEN:
-            raise ModelError(f"MJCF from a topic cannot contain <{element.tag}>")
+    for element, tag in elements:
+        if tag in _FORBIDDEN:
+            raise ModelError(f"MJCF from a topic cannot contain <{tag}>")
         for attribute, name in element.attrib.items():
             # With `strippath`, MuJoCo reads files from these folders that no attribute names.
             if attribute in _FOLDERS and name:
                 check_file(name, packages)
             elif attribute.startswith("file") and name:
-                kind = "texturedir" if element.tag == "texture" else "meshdir"
-                check_file(os.path.join(folders.get(kind) or folders.get("assetdir") or "", name), packages)
+                given = folders["texturedir" if tag == "texture" else "meshdir"] if relative else []
+                # Of several folders, which one MuJoCo uses depends on their order, so the file must be valid in each.
+                for folder in given or [""]:
+                    check_file(os.path.join(folder, name), packages)
+
+
+def _local(tag: str) -> str:
+    return tag.rpartition("}")[2].rpartition(":")[2]

@@ -95,7 +95,8 @@ def read_received(model: ReceivedModel, arguments: Mapping[str, str], packages: 
         raise ModelError(f"{origin} contains no link")
     for inputs in root.iterfind("mujoco_inputs"):
         try:
-            check_files(inputs, packages)
+            # They become part of a model in another folder, so relative names would have no meaning.
+            check_files(inputs, packages, relative=False)
         except ModelError as error:
             raise ModelError(f"<mujoco_inputs> of {origin}: {error}") from error
     source = Source(model.path, root, origin=origin)

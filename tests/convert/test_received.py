@@ -110,6 +110,36 @@ def test_models_that_name_other_files_or_contain_code_are_refused(received, text
         received.load(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            '<mujoco><compiler meshdir="{package}/a/b"/><compiler assetdir="{package}"/><asset>{mesh}</asset></mujoco>',
+            r"outside\.stl' is in no ROS package",
+        ),
+        (
+            '<mujoco><compiler meshdir="{package}/a/b"/><compiler meshdir=""/><asset>{mesh}</asset></mujoco>',
+            r"outside\.stl' is a relative path",
+        ),
+        ('<mujoco><include xmlns="a" file="{package}/part.xml"/></mujoco>', "cannot contain <include>"),
+        (
+            '<robot><link name="a"/><mujoco_inputs><raw_inputs><compiler assetdir="{package}/a/b"/>'
+            "<asset>{mesh}</asset></raw_inputs></mujoco_inputs></robot>",
+            r"outside\.stl' is a relative path",
+        ),
+    ],
+    ids=["two folders", "empty folder", "namespace", "inputs"],
+)
+def test_no_choice_of_folders_leads_out_of_the_packages(received, text, sentence):
+    with pytest.raises(ModelError, match=sentence):
+        received.load(text.format(package=received.folder, mesh='<mesh file="../../outside.stl"/>'))
+
+
+def test_mjcf_may_name_files_relative_to_folders_in_packages(received):
+    mesh = f'<compiler meshdir="{received.folder}/meshes"/><asset><mesh name="m" file="part.stl"/></asset>'
+    assert received.load(f"<mujoco>{mesh}</mujoco>").model.nmesh == 1
+
+
 def test_mjcf_may_name_files_in_packages_and_is_not_converted(received):
     mesh = f'<asset><mesh name="m" file="{received.folder}/meshes/part.stl"/></asset>'
     loaded = received.load(f'<mujoco model="m">{mesh}<worldbody><geom type="mesh" mesh="m"/></worldbody></mujoco>')
