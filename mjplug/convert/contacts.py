@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 from mjplug.convert.mjcf import Mjcf
 from mjplug.convert.options import ConversionOptions
 from mjplug.convert.report import Report
-from mjplug.convert.robot import Joint, Robot
+from mjplug.convert.robot import MAX_POSITION, Joint, Robot
 from mjplug.errors import ModelError
 
 _CASTER_HEIGHT = 0.005
@@ -43,6 +43,11 @@ def read_srdf(path: Path, robot: Robot) -> tuple[list[tuple[str, str]], dict[str
             home[name] = float(values[0])
         except (ValueError, IndexError):
             raise ModelError(f"{path}: the position of joint {name!r} is not a number") from None
+        if not abs(home[name]) < MAX_POSITION:
+            raise ModelError(
+                f"{path}: the position of joint {name!r} is {home[name]:g}; its magnitude must be below "
+                f"{MAX_POSITION:g}"
+            )
     return sorted(set(pairs)), home
 
 

@@ -1,5 +1,6 @@
 """Reads how the joints are driven: `<ros2_control>` and the older `<transmission>`."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 from xml.etree.ElementTree import Element
@@ -7,7 +8,7 @@ from xml.etree.ElementTree import Element
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.pid_gains import Gains, controlled_joints, read_gains
 from mjplug.convert.report import Report
-from mjplug.convert.robot import Robot
+from mjplug.convert.robot import MAX_POSITION, Robot
 from mjplug.convert.transmissions import Transmission, read_transmissions
 
 ActuatorKind = Literal["position", "velocity", "motor"]
@@ -113,9 +114,13 @@ def _read_joint(element: Element, robot: Robot, control: Control, report: Report
 
 def _read_initial(name: str, text: str | None, control: Control, report: Report) -> None:
     try:
-        control.initial[name] = float(text or "")
+        value = float(text or "")
     except ValueError:
-        report.add("warning", "initial position is not a number", name, repr(text))
+        value = math.nan
+    if abs(value) < MAX_POSITION:
+        control.initial[name] = value
+    else:
+        report.add("warning", f"initial position is not a number below {MAX_POSITION:g}", name, repr(text))
 
 
 def _read_transmission(element: Element, robot: Robot, control: Control, report: Report) -> None:

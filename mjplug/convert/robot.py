@@ -13,6 +13,9 @@ MOVING_HINGES = ("revolute", "continuous")
 SCALAR = ("revolute", "continuous", "prismatic")
 """Joints with one coordinate."""
 
+MAX_POSITION = 1e10
+"""MuJoCo treats positions from this on as a divergence [rad, m]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Material:

@@ -9,6 +9,7 @@ from convert.robots import ARM, BALL, BOX, ROVER, at_home, converted, joint, lin
 from mjplug.convert.inertia import principal
 from mjplug.convert.report import Report
 from mjplug.convert.robot import Inertial
+from mjplug.errors import ModelError
 from mjplug.testing import World
 from mjplug_plugins.diff_drive import DiffDrive
 from mjplug_schemas.geometry_msgs import Twist, Vector3
@@ -278,6 +279,26 @@ def test_home_is_inside_of_the_limits(tmp_path):
     )
     _, model = converted(tmp_path, text)
     assert at_home(model).joint("j").qpos[0] == -2.0
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-1e300", "zero", ""])
+def test_an_initial_position_that_is_no_position_is_reported_and_ignored(tmp_path, value):
+    initial = f'<state_interface name="position"><param name="initial_value">{value}</param></state_interface>'
+    control = (
+        f'<ros2_control name="c"><joint name="j"><command_interface name="position"/>{initial}</joint></ros2_control>'
+    )
+    text = robot(link("base", shape=BOX), link("a"), joint("j", "base", "a", "continuous", xyz="0 0 0.3"), control)
+    conversion, model = converted(tmp_path, text)
+    assert at_home(model).joint("j").qpos[0] == 0.0
+    assert ("initial position is not a number below 1e+10", "j") in notes(conversion, "warning")
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "1e10", "zero"])
+def test_a_home_of_an_srdf_that_is_no_position_is_an_error(tmp_path, value):
+    srdf = tmp_path / "robot.srdf"
+    srdf.write_text(f'<robot><group_state name="home"><joint name="shoulder" value="{value}"/></group_state></robot>')
+    with pytest.raises(ModelError, match="the position of joint 'shoulder' is"):
+        converted(tmp_path, ARM, srdf=str(srdf))
 
 
 @pytest.mark.parametrize(
