@@ -13,6 +13,7 @@ from mjplug.convert.read_urdf import floats
 from mjplug.convert.report import Report
 from mjplug.convert.rotations import IDENTITY, Array, numbers, pose, pose_attributes
 from mjplug.convert.sensor_names import camera_topics, frame_of, topic_of
+from mjplug.errors import ModelError
 
 _CAMERAS = ("camera", "depth", "depth_camera", "rgbd", "rgbd_camera", "wideanglecamera", "multicamera")
 _LIDARS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
@@ -20,6 +21,11 @@ _FORWARD = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rotation of a MuJoCo camera that looks along the x axis of a link, with z upwards."""
 
 _IMU = ("orientation", "angular_velocity", "linear_acceleration")
+_MAX_PIXELS = 16384
+"""Largest side of an image, which is that of the textures of usual graphics cards."""
+
+_MAX_RAYS = 10_000_000
+
 _TOPICS = ("frame_name", "info_topic", "image_topic", "depth_topic")
 
 
@@ -142,6 +148,11 @@ class SensorWriter:
             int(_number(element, f"camera/image/{part}", size)) for part, size in (("width", 640), ("height", 480))
         )
         horizontal = _number(element, "camera/horizontal_fov", 1.047)
+        if not (min(width, height) >= 1 and max(width, height) <= _MAX_PIXELS and horizontal > 0.0):
+            raise ModelError(
+                f"camera {name!r} has an image of {width} x {height} pixels and a horizontal_fov of {horizontal:g} "
+                f"rad; the sides must be from 1 to {_MAX_PIXELS}, and the angle must be above zero"
+            )
         vertical = 2.0 * math.atan(math.tan(min(horizontal, 3.0) / 2.0) * height / width)
         turned = place.copy()
         turned[:3, :3] = place[:3, :3] @ _FORWARD
@@ -155,6 +166,8 @@ class SensorWriter:
             return
         columns, azimuth = _angles(scan, "horizontal", 360)
         rows, elevation = _angles(scan, "vertical", 1)
+        if columns * rows > _MAX_RAYS:
+            raise ModelError(f"lidar {name!r} has {columns} x {rows} rays; at most {_MAX_RAYS} are allowed")
         circle = azimuth[1] - azimuth[0] > 2.0 * math.pi - 0.05
         if circle:
             azimuth = (-math.pi, math.pi)

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from convert.robots import ARM, ROVER, at_home, converted, notes
+from mjplug.errors import ModelError
 from mjplug.testing import World
 from mjplug_plugins.sensors import Sensors
 
@@ -34,6 +35,22 @@ def test_a_camera_looks_forward_and_has_the_field_of_view_of_gazebo(tmp_path):
     assert math.radians(model.camera("eye").fovy[0]) == pytest.approx(2 * math.atan(math.tan(0.6) / 2), abs=1e-6)
     assert model.cam_resolution[model.camera("eye").id].tolist() == [320, 160]
     assert plugins(conversion)["camera"]["eye"] == {"publish_rate": 20.0}
+
+
+@pytest.mark.parametrize(
+    ("angle", "width", "height"), [(1, 0, 480), (1, 640, -5), (1, 640, 20000), (0, 640, 480), (-1, 640, 480)]
+)
+def test_a_camera_without_an_image_is_an_error(tmp_path, angle, width, height):
+    image = f"<image><width>{width}</width><height>{height}</height></image>"
+    camera = f"<camera><horizontal_fov>{angle}</horizontal_fov>{image}</camera>"
+    with pytest.raises(ModelError, match=f"camera 'eye' has an image of {width} x {height} pixels and a hor.* {angle}"):
+        converted(tmp_path, with_sensor(ROVER, f'name="eye" type="camera">{camera}'))
+
+
+def test_a_lidar_with_too_many_rays_is_an_error(tmp_path):
+    lidar = "<lidar><scan><horizontal><samples>1e9</samples></horizontal></scan></lidar>"
+    with pytest.raises(ModelError, match="lidar 'eye' has 1000000000 x 1 rays; at most 10000000 are allowed"):
+        converted(tmp_path, with_sensor(ROVER, f'name="eye" type="gpu_lidar">{lidar}'))
 
 
 def test_an_imu_is_published(tmp_path):
