@@ -20,7 +20,7 @@ from mjplug.convert.gazebo import read_gazebo
 from mjplug.convert.inputs import read_inputs
 from mjplug.convert.materials import Materials
 from mjplug.convert.measure import Measured, lowest_of, lowest_points, measure, set_positions
-from mjplug.convert.mesh_assets import MeshAssets
+from mjplug.convert.mesh_assets import MeshAssets, thresholds_of
 from mjplug.convert.mesh_files import MeshFiles
 from mjplug.convert.mjcf import Mjcf
 from mjplug.convert.options import ConversionOptions
@@ -197,6 +197,12 @@ class _Pipeline:
         self.progress("meshes", 0.05 + 0.45 * min(self.mesh_uses_done / self.mesh_uses, 1.0))
 
     def _check_decompositions(self) -> None:
+        for link in thresholds_of(self.options.decompose):
+            if link and link not in self.robot.links:
+                raise ModelError(
+                    f"--decompose names the link {link!r}, which the robot does not have"
+                    f"{did_you_mean(link, self.robot.links)}"
+                )
         stems = self.meshes.collision_stems
         for name in self.inputs.decompose:
             if name not in stems:

@@ -7,12 +7,16 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from mjplug.convert.decompose import THRESHOLD
+from mjplug.convert.options import MAX_THRESHOLD, MIN_THRESHOLD
 from mjplug.convert.read_urdf import floats
 from mjplug.errors import ModelError, did_you_mean
 
 _TAG = "mujoco_inputs"
 _SECTIONS = ("raw_inputs", "processed_inputs", "scene")
 _PROCESSED = ("decompose_mesh", "camera", "lidar", "modify_element")
+
+_MAX_RAYS = 4096
+"""Largest number of rangefinders of a lidar: the time to compile them grows with the square of their number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +112,13 @@ def _read_processed(part: Element, inputs: MujocoInputs, place: str) -> None:
         name = _required(part, "mesh_name", place)
         if name in inputs.decompose:
             raise ModelError(f"{place}: two <decompose_mesh> name the mesh {name!r}")
-        threshold = part.get("threshold", str(THRESHOLD))
-        inputs.decompose[name] = floats(threshold, 1, f"threshold of mesh {name!r}")[0]
+        threshold = floats(part.get("threshold", str(THRESHOLD)), 1, f"threshold of mesh {name!r}")[0]
+        if not MIN_THRESHOLD <= threshold <= MAX_THRESHOLD:
+            raise ModelError(
+                f"{place}: the threshold of mesh {name!r} is {threshold:g}; it must be from {MIN_THRESHOLD:g} to "
+                f"{MAX_THRESHOLD:g}"
+            )
+        inputs.decompose[name] = threshold
     elif part.tag == "camera":
         link, name = _required(part, "site", place), _required(part, "name", place)
         if any(camera.get("name") == name for _, camera in inputs.cameras):
@@ -142,7 +151,13 @@ def _read_lidar(part: Element, inputs: MujocoInputs, place: str) -> None:
     if any(lidar.sensor == sensor for lidar in inputs.lidars):
         raise ModelError(f"{place}: two lidars have the sensor_name {sensor!r}")
     # A quotient such as 0.6 / 0.025 is not exactly 24.
-    inputs.lidars.append(Lidar(link, sensor, low, increment, int((high - low) / increment + 1e-9) + 1))
+    steps = (high - low) / increment + 1e-9
+    if not steps < _MAX_RAYS:
+        raise ModelError(
+            f"{place}: lidar {sensor!r} has {steps + 1:.0f} rangefinders, at most {_MAX_RAYS} are allowed; increase "
+            "angle_increment, or use the plugin lidar"
+        )
+    inputs.lidars.append(Lidar(link, sensor, low, increment, int(steps) + 1))
 
 
 def _required(part: Element, attribute: str, place: str) -> str:

@@ -83,7 +83,7 @@ class MeshAssets:
         self._meshes: list[tuple[str, str, Kind]] = []
         self._names: set[str] = set()
         self._file_names: set[str] = set()
-        self._thresholds = _thresholds(options.decompose)
+        self._thresholds = thresholds_of(options.decompose)
         self._by_mesh = dict(by_mesh)
         self._on_mesh = on_mesh
         self.collision_stems: set[str] = set()
@@ -230,7 +230,7 @@ def _flat_box(mesh: Mesh) -> tuple[Array, Array, Array] | None:
     return center + axes @ ((low + high) / 2.0), axes, np.maximum(half, _MIN_HALF)
 
 
-def _thresholds(option: str) -> dict[str, float]:
+def thresholds_of(option: str) -> dict[str, float]:
     """Returns the thresholds by link; that of all links has the empty name."""
     if option == "none":
         return {}

@@ -4,6 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+MIN_THRESHOLD, MAX_THRESHOLD = 0.01, 1.0
+"""Thresholds of decompositions. CoACD takes very long with smaller ones."""
+
 
 def _collision(text: str) -> str:
     if text in ("urdf", "visual") or (text.startswith("visual:") and all(text[7:].split(","))):
@@ -17,7 +20,7 @@ def _decompose(text: str) -> str:
     for part in text.split(","):
         link, equals, number = part.partition("=")
         try:
-            valid = bool(link and equals) and 0.01 <= float(number) <= 1.0
+            valid = bool(link and equals) and MIN_THRESHOLD <= float(number) <= MAX_THRESHOLD
         except ValueError:
             valid = False
         if not valid:

@@ -154,6 +154,11 @@ LIDAR = '<lidar ref_site="base" sensor_name="r" min_angle="0" max_angle="1" angl
             inputs(processed='<decompose_mesh mesh_name="part"/>'),
             "<decompose_mesh> names the mesh 'part', which no link",
         ),
+        (
+            inputs(processed='<decompose_mesh mesh_name="part" threshold="-1"/>'),
+            "the threshold of mesh 'part' is -1; it must be from 0.01 to 1",
+        ),
+        (inputs(processed=LIDAR.format("1e-5")), "lidar 'r' has 100001 rangefinders, at most 4096 are allowed"),
         (inputs(processed='<decompose_mesh threshold="1"/>'), "a <decompose_mesh> has no attribute 'mesh_name'"),
         (inputs(processed="<cameras/>"), "unknown element <cameras> in processed_inputs, did you mean 'camera'?"),
         ("<mujoco_inputs><raw/></mujoco_inputs>", "unknown section <raw>; known: raw_inputs, processed_inputs, scene"),

@@ -357,6 +357,12 @@ def test_absolute_paths_of_meshes_are_not_written(tmp_path):
     assert str(tmp_path) not in description + conversion.files["conversion.json"].decode()
 
 
+def test_a_link_to_divide_that_does_not_exist_is_an_error(tmp_path):
+    angle(tmp_path / "angle.obj")
+    with pytest.raises(ModelError, match="--decompose names the link 'bas', which the robot does not have, did you"):
+        one_mesh(tmp_path, "angle.obj", visual=False, decompose="bas=0.1")
+
+
 def test_a_concave_mesh_is_divided(tmp_path):
     pytest.importorskip("coacd")
     angle(tmp_path / "angle.obj")
