@@ -209,7 +209,7 @@ def _asset_folders(root: Element, folder: Path) -> dict[str, Path]:
         options.update(compiler.attrib)
     assets = options.get("assetdir", "")
     meshes, textures = folder / (options.get("meshdir") or assets), folder / (options.get("texturedir") or assets)
-    return {"mesh": meshes, "skin": meshes, "texture": textures, "hfield": textures, "model": folder}
+    return {"mesh": meshes, "skin": meshes, "texture": textures, "hfield": meshes, "model": folder}
 
 
 def _copy(scene: Scene, element: Element, key: str, file: Path, taken: set[str]) -> None:

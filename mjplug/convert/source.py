@@ -71,7 +71,7 @@ def read_source(path: Path, arguments: Mapping[str, str], packages: Packages) ->
     if source.root.tag != "robot":
         raise ModelError(f"{path} is not a robot description: its root element is <{source.root.tag}>, not <robot>")
     if source.root.find("link") is None:
-        macros = re.findall(rb'<xacro:macro[^>]*?name="([^"]+)"', text)
+        macros = re.findall(rb"<xacro:macro\b[^>]*?\bname\s*=\s*[\"']([^\"']+)", text)
         if macros:
             names = ", ".join(name.decode(errors="replace") for name in macros[:5])
             raise ModelError(
@@ -121,7 +121,9 @@ def _check_arguments(path: Path, text: bytes, arguments: Mapping[str, str]) -> N
 
 def _declared(text: bytes) -> list[str]:
     """Returns the arguments that a file declares or uses."""
-    found = re.findall(rb'<xacro:arg\b[^>]*?name="([^"]+)"', text) + re.findall(rb"\$\(arg +([^)\s]+) *\)", text)
+    found = re.findall(rb"<xacro:arg\b[^>]*?\bname\s*=\s*[\"']([^\"']+)", text) + re.findall(
+        rb"\$\(arg +([^)\s]+) *\)", text
+    )
     return list(dict.fromkeys(name.decode(errors="replace") for name in found))
 
 

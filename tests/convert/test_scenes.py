@@ -52,6 +52,19 @@ def test_the_floor_is_below_an_arm_that_hangs_down(tmp_path):
     assert model.geom("floor").pos[2] == pytest.approx(-0.551, abs=1e-6)
 
 
+def test_height_fields_of_a_scene_are_in_the_folder_of_its_meshes(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    rows = columns = 2
+    heights = np.array([rows, columns], np.int32).tobytes() + np.zeros(rows * columns, np.float32).tobytes()
+    (tmp_path / "meshes" / "hill.bin").write_bytes(heights)
+    (tmp_path / "mine.xml").write_text(
+        '<mujoco><compiler meshdir="meshes"/><asset><hfield name="hill" file="hill.bin" size="1 1 0.1 0.1"/></asset>'
+        '<worldbody><geom type="hfield" hfield="hill"/></worldbody></mujoco>'
+    )
+    conversion, model = converted(tmp_path, ARM, scene=str(tmp_path / "mine.xml"))
+    assert (model.nhfield, "assets/hill.bin" in conversion.files) == (1, True)
+
+
 def test_a_scene_of_the_user_keeps_its_assets(tmp_path):
     tetrahedron(tmp_path / "meshes" / "rock.stl", 0.3)
     scene = (

@@ -51,6 +51,15 @@ def test_an_argument_that_the_file_does_not_have_is_refused(tmp_path):
         read_source(urdf, {"a": "1"}, Packages({}))
 
 
+def test_arguments_in_single_quotes_are_known(tmp_path):
+    file = write(
+        tmp_path / "robot.urdf.xacro",
+        "<robot name='r' xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arg name='label' default='a'/>"
+        "<link name='${xacro.arg(\"label\")}'/></robot>",
+    )
+    assert read_source(file, {"label": "b"}, Packages({})).root[0].get("name") == "b"
+
+
 def test_a_file_with_macros_only_says_so(tmp_path):
     file = write(tmp_path / "macros.xacro", XACRO.format(name="r", body=""))
     with pytest.raises(ModelError, match=r"contains no link; it only defines macros \(block\)"):
