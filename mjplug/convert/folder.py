@@ -28,6 +28,8 @@ def write_folder(folder: Path, files: Mapping[str, bytes], force: bool) -> None:
         ModelError: The folder exists and `force` is not set, it contains files that were edited or that no conversion
             has written, or it cannot be written.
     """
+    # A link stays, and the folder that it names is replaced.
+    folder = folder.resolve()
     if folder.exists():
         check_replaceable(folder, force)
     try:
@@ -46,6 +48,9 @@ def check_replaceable(folder: Path, force: bool) -> None:
     """
     if not folder.is_dir():
         raise ModelError(f"{folder} exists and is not a folder")
+    if folder.resolve() in (Path.cwd(), *Path.cwd().parents):
+        # A shell in it would be left in the folder that is removed.
+        raise ModelError(f"{folder} is the current folder or contains it, so it cannot be replaced; choose another one")
     if not any(folder.iterdir()):
         return
     if not force:
@@ -81,12 +86,13 @@ def _swap(new: Path, folder: Path) -> None:
         # The old folder is now in the place of the new one, where it is removed.
         return
     old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.absolute().parent))
-    os.rename(folder, old / "folder")
     try:
-        os.rename(new, folder)
-    except OSError:
-        os.rename(old / "folder", folder)
-        raise
+        os.rename(folder, old / "folder")
+        try:
+            os.rename(new, folder)
+        except OSError:
+            os.rename(old / "folder", folder)
+            raise
     finally:
         shutil.rmtree(old, ignore_errors=True)
 

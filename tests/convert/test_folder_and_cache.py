@@ -1,11 +1,13 @@
 """The files of a conversion: written completely or not at all, kept, and made again when something changes."""
 
+import errno
 import json
 import os
 import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from model_files import tetrahedron
@@ -46,6 +48,39 @@ def test_an_existing_folder_is_replaced_only_by_force_and_never_with_edited_file
     (target / "notes.txt").write_text("mine")
     with pytest.raises(ModelError, match=r"not written by a conversion: notes\.txt"):
         folder.write_folder(target, first.files, force=True)
+
+
+def test_the_current_folder_is_not_replaced(tmp_path, monkeypatch):
+    current = tmp_path / "a" / "b"
+    current.mkdir(parents=True)
+    monkeypatch.chdir(current)
+    for where in (Path(), current, Path("..")):
+        with pytest.raises(ModelError, match="is the current folder or contains it"):
+            folder.write_folder(where, {"a": b""}, force=True)
+    assert contents(tmp_path) == {}
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_link_to_a_folder_stays_a_link(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    folder.write_folder(tmp_path / "link", {"a": b"1"}, force=False)
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "a").read_bytes() == b"1"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "real"]
+
+
+def test_a_folder_that_cannot_be_moved_leaves_nothing_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "robot").mkdir()
+
+    def refuse(first, second):
+        raise OSError(errno.EBUSY, "Device or resource busy")
+
+    monkeypatch.setattr("mjplug.convert.folder.exchange", lambda first, second: False)
+    monkeypatch.setattr("mjplug.convert.folder.os.rename", refuse)
+    with pytest.raises(ModelError, match="cannot be written: Device or resource busy"):
+        folder.write_folder(tmp_path / "robot", {"a": b""}, force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot"]
 
 
 def test_a_folder_of_something_else_is_not_replaced(tmp_path):
@@ -93,7 +128,8 @@ folder._swap = lambda new, old: (tick(), swap(new, old))
 folder.exchange = lambda new, old: (exchange(new, old), tick())[0]
 folder.write_folder(target, files, force=True)
 """
-"""Kills itself after the half or the whole of a file is written, before or after the folders are exchanged."""
+"""Kills itself at a call: 1 to 10 after the half or the whole of one of five files is written, 11 before the folder
+is moved into place, 12 after the folders are exchanged."""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
