@@ -14,6 +14,7 @@ from mjplug.plugin.bundled import ActuatorLaw, Drives, actuator_law
 from mjplug_schemas.geometry_msgs import Twist, TwistStamped
 
 _MIN_SEPARATION = 1e-3
+_MAX_CONTROL = 0.99 * mujoco.mjMAXVAL
 _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 
@@ -64,7 +65,8 @@ class DiffDrive(Plugin[DiffDriveParameters]):
     """Drives wheels with velocity servos from `geometry_msgs/Twist` commands; `linear.x` and `angular.z` are used.
 
     The wheels turn as they would without slip, and friction moves the base. Without a command, or if the command is
-    older than `cmd_timeout`, the wheels stand still. Commands that are not finite are ignored.
+    older than `cmd_timeout`, the wheels stand still. Commands that are not finite, or
+    that give a wheel a control above 9.9e9, are ignored.
     """
 
     ignored = 0
@@ -97,13 +99,11 @@ class DiffDrive(Plugin[DiffDriveParameters]):
     def update(self) -> None:
         """Stops the wheels when the command is too old."""
         if self._host.step > self._last_step:
-            self._drive(0.0, 0.0)
-            self._host.deactivate()
+            self._stop()
 
     def on_reset(self) -> None:
         """Discards the command."""
-        self._drive(0.0, 0.0)
-        self._host.deactivate()
+        self._stop()
 
     def save(self) -> dict[str, int]:
         """Returns for how many steps the command is still followed; the controls are part of MuJoCo's state."""
@@ -115,29 +115,42 @@ class DiffDrive(Plugin[DiffDriveParameters]):
 
     def _handle(self, twist: Twist) -> None:
         forward, yaw_rate = twist.linear.x, twist.angular.z
-        if not (math.isfinite(forward) and math.isfinite(yaw_rate)):
+        controls = self._controls(forward, yaw_rate)
+        # With a larger control of one actuator, MuJoCo sets those of all to zero.
+        if not all(abs(control) <= _MAX_CONTROL for control in controls):
             self.ignored += 1
             if self.ignored == 1:
                 self._host.logger.warning(
-                    "a command was ignored: linear.x is %g, angular.z is %g; both must be finite (further ones are "
-                    "only counted)",
+                    "a command was ignored: linear.x is %g, angular.z is %g; both must be finite, and the controls of "
+                    "the wheels below %g (further ones are only counted)",
                     forward,
                     yaw_rate,
+                    _MAX_CONTROL,
                 )
             return
-        self._drive(forward, yaw_rate)
+        self._apply(controls)
         self._last_step = self._host.step + self._timeout_steps
         self._host.activate()
 
-    def _drive(self, forward: float, yaw_rate: float) -> None:
+    def _controls(self, forward: float, yaw_rate: float) -> list[float]:
+        """Returns the control of each wheel, before the limits of its servo."""
+        return [
+            wheel.law.control(wheel.forward * (forward - yaw_rate * lever) / self._radius)
+            for wheel, lever in zip(self._wheels, self._lever, strict=True)
+        ]
+
+    def _stop(self) -> None:
+        self._apply(self._controls(0.0, 0.0))
+        self._host.deactivate()
+
+    def _apply(self, controls: list[float]) -> None:
         ctrl, limits = self._host.data.ctrl, self._host.model.actuator_ctrlrange
-        for wheel, lever in zip(self._wheels, self._lever, strict=True):
-            speed = wheel.forward * (forward - yaw_rate * lever) / self._radius
-            control = wheel.law.control(speed)
+        for wheel, control in zip(self._wheels, controls, strict=True):
+            limited = control
             if self._host.model.actuator_ctrllimited[wheel.actuator]:
                 low, high = limits[wheel.actuator]
-                control = min(max(control, low), high)
-            ctrl[wheel.actuator] = control
+                limited = min(max(control, low), high)
+            ctrl[wheel.actuator] = limited
 
 
 def _servos(model: mujoco.MjModel) -> dict[str, int]:

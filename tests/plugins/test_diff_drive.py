@@ -86,6 +86,19 @@ def test_a_reset_stops_the_wheels_and_commands_that_are_not_finite_are_ignored()
     assert world.drive.ignored == 2
 
 
+@pytest.mark.parametrize("speed", [1e10, 1e12, 1e308, -1e308])
+def test_commands_that_are_too_large_are_ignored_and_other_actuators_keep_their_controls(speed):
+    world = world_of()
+    world.publish("/cmd_vel", twist(0.5))
+    world.loop.step(1)
+    before = world.data.ctrl.tolist()
+    world.publish("/cmd_vel", twist(speed))
+    world.publish("/cmd_vel", twist(speed, speed))
+    world.loop.step(1)
+    assert (world.data.ctrl.tolist(), world.drive.ignored) == (before, 2)
+    assert world.data.warning[mujoco.mjtWarning.mjWARN_BADCTRL].number == 0
+
+
 @pytest.mark.parametrize(
     ("xml", "parameters", "message"),
     [
