@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from importlib import metadata
@@ -19,6 +20,7 @@ from mjplug.convert.options import ConversionOptions
 from mjplug.convert.pid_gains import gains_files
 from mjplug.convert.record import FORMAT
 from mjplug.convert.report import RECORD
+from mjplug.convert.scene import asset_files
 from mjplug.convert.source import Source
 from mjplug.errors import ModelError
 from mjplug.model.packages import Packages
@@ -26,6 +28,11 @@ from mjplug.model.packages import Packages
 _LIBRARIES = ("mjplug", "trimesh", "pycollada", "fast-simplification", "coacd", "numpy")
 _BESIDE = (".mtl", ".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".bin")
 """Suffixes of files that a mesh file may refer to."""
+
+_REFERENCE = re.compile(
+    rb"[^\s\"'<>]+(?:" + b"|".join(re.escape(end.encode()) for end in _BESIDE) + rb")\b", re.IGNORECASE
+)
+"""A name of such a file."""
 
 
 def cache_folder(environ: Mapping[str, str] = os.environ) -> Path:
@@ -52,6 +59,8 @@ def key_of(source: Source, options: ConversionOptions, packages: Packages) -> st
     for name in (options.srdf, options.scene, *options.mujoco_inputs):
         if name and Path(name).is_file():
             add(name, Path(name).read_bytes())
+    for file in _scene_files(Path(options.scene)):
+        add(file, file.read_bytes() if file.is_file() else b"missing")
     finder = MeshFiles(source.path.absolute().parent, packages, bool(source.origin))
     for name in gains_files(source.root):
         with contextlib.suppress(ModelError, OSError):
@@ -59,9 +68,8 @@ def key_of(source: Source, options: ConversionOptions, packages: Packages) -> st
     for uri, path in _meshes(source, packages):
         add(uri, b"missing" if path is None else path.read_bytes())
         if path is not None and path.suffix.lower() != ".stl":
-            for other in sorted(path.parent.iterdir()):
-                if other.suffix.lower() in _BESIDE:
-                    add(other.name, other.stat().st_size, other.stat().st_mtime_ns)
+            for other in sorted({*_beside(path), *_named_in(path)}):
+                add(other, other.stat().st_size, other.stat().st_mtime_ns)
     return state.hexdigest()
 
 
@@ -114,6 +122,33 @@ def _meshes(source: Source, packages: Packages) -> Iterator[tuple[str, Path | No
             yield uri, finder.find(uri)
         except ModelError:
             yield uri, None
+
+
+def _beside(path: Path) -> list[Path]:
+    """Returns the files in the folder of a mesh that it may refer to."""
+    return [other for other in path.parent.iterdir() if other.suffix.lower() in _BESIDE]
+
+
+def _named_in(path: Path) -> Iterator[Path]:
+    """Yields the existing files that a mesh file or its materials name, which may be in other folders."""
+    for name in set(_REFERENCE.findall(path.read_bytes())):
+        with contextlib.suppress(OSError, ValueError):
+            other = path.parent / os.fsdecode(name)
+            if other.is_file():
+                yield other
+                if other.suffix.lower() == ".mtl" and path.suffix.lower() != ".mtl":
+                    yield from _named_in(other)
+
+
+def _scene_files(path: Path) -> list[Path]:
+    """Returns the files that a scene of the user names; none if it cannot be read."""
+    if not path.is_file():
+        return []
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError):
+        return []
+    return [file for _, _, file in asset_files(root, path.parent)]
 
 
 def _version(name: str) -> str:

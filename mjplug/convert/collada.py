@@ -36,14 +36,23 @@ def read_collada(path: Path) -> Any:
     root = ElementTree.parse(path).getroot()
     broken = _broken_materials(root)
     if not broken:
-        return trimesh.load_scene(path, process=False)
+        return trimesh.load_scene(path, resolver=resolver_of(path), process=False)
     for parent in list(root.iter()):
         for use in [child for child in parent if _tag(child) == "instance_material"]:
             if use.get("target", "").removeprefix("#") in broken:
                 parent.remove(use)
     text = io.BytesIO(ElementTree.tostring(root))
-    resolver = trimesh.resolvers.FilePathResolver(str(path))
-    return trimesh.load_scene(text, file_type="dae", resolver=resolver, process=False)
+    return trimesh.load_scene(text, file_type="dae", resolver=resolver_of(path), process=False)
+
+
+def resolver_of(path: Path) -> Any:
+    """Returns what finds the files that a mesh file names, also outside of its folder, such as `../textures/a.png`."""
+    resolver = required("trimesh", f"the mesh {path.name}").resolvers.FilePathResolver
+    try:
+        return resolver(str(path), allow_anywhere=True)
+    except TypeError:
+        # Older versions always allow this.
+        return resolver(str(path))
 
 
 def _broken_materials(root: Element) -> set[str]:

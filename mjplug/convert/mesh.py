@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mjplug.convert.collada import meters, read_collada
+from mjplug.convert.collada import meters, read_collada, resolver_of
 from mjplug.convert.extras import optional, required
 from mjplug.convert.rotations import Array
 from mjplug.errors import ModelError
@@ -171,7 +171,10 @@ def _read_scene(path: Path) -> list[Mesh]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            scene = read_collada(path) if path.suffix.lower() == ".dae" else trimesh.load_scene(path, process=False)
+            if path.suffix.lower() == ".dae":
+                scene = read_collada(path)
+            else:
+                scene = trimesh.load_scene(path, resolver=resolver_of(path), process=False)
         except OSError:
             raise
         except Exception as error:  # the readers raise whatever they meet in a damaged file

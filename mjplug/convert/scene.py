@@ -187,20 +187,35 @@ def _from_file(path: Path, taken: set[str]) -> Scene:
     if root.tag != "mujoco":
         raise ModelError(f"{path} is not an MJCF file: its root element is <{root.tag}>")
     scene = Scene(root)
-    folders = _asset_folders(root, path.parent)
+    files = asset_files(root, path.parent)
     for compiler in root.iterfind("compiler"):
         for option in ("meshdir", "texturedir", "assetdir", "strippath"):
             compiler.attrib.pop(option, None)
-    for kind in _FILES:
-        for element in root.iterfind(f"asset/{kind}"):
-            for key in [key for key in element.attrib if key.startswith("file")]:
-                _copy(scene, element, key, folders[kind] / element.attrib[key], taken)
+    for element, key, file in files:
+        _copy(scene, element, key, file, taken)
     for include in root.iter("include"):
         if Path(include.get("file", "")).name != ROBOT_FILE:
             raise ModelError(f"{path} includes {include.get('file')!r}; a scene may include {ROBOT_FILE} only")
     if not any(True for _ in root.iter("include")):
         _include(root)
     return scene
+
+
+def asset_files(root: Element, folder: Path) -> list[tuple[Element, str, Path]]:
+    """Returns the files that the assets of an MJCF name, with their elements and attributes.
+
+    Args:
+        root: Its `<mujoco>`.
+        folder: Its folder.
+    """
+    folders = _asset_folders(root, folder)
+    return [
+        (element, key, folders[kind] / name)
+        for kind in _FILES
+        for element in root.iterfind(f"asset/{kind}")
+        for key, name in element.attrib.items()
+        if key.startswith("file")
+    ]
 
 
 def _asset_folders(root: Element, folder: Path) -> dict[str, Path]:

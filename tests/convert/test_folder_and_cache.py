@@ -187,6 +187,47 @@ def test_the_cache_keeps_a_robot_until_something_changes(tmp_path):
     assert folder_of() not in (first, second)
 
 
+def test_a_robot_is_converted_again_if_a_file_of_its_scene_changes(tmp_path):
+    tetrahedron(tmp_path / "meshes" / "rock.stl", 0.3)
+    scene = '<mujoco><compiler meshdir="meshes"/><asset><mesh name="r" file="rock.stl"/></asset></mujoco>'
+    (tmp_path / "mine.xml").write_text(scene)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    options = ConversionOptions(scene=str(tmp_path / "mine.xml"))
+
+    def folder_of():
+        environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+        return converted_robot(str(tmp_path / "arm.urdf"), options=options, environ=environ).folder
+
+    first = folder_of()
+    assert folder_of() == first
+    tetrahedron(tmp_path / "meshes" / "rock.stl", 0.6)
+    second = folder_of()
+    assert second != first
+    assert (second / "assets" / "rock.stl").read_bytes() == (tmp_path / "meshes" / "rock.stl").read_bytes()
+
+
+def test_a_robot_is_converted_again_if_a_texture_in_another_folder_changes(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    for name in ("meshes", "textures"):
+        (tmp_path / name).mkdir()
+    picture = tmp_path / "textures" / "paint.png"
+    (tmp_path / "meshes" / "part.mtl").write_text("newmtl m\nmap_Kd ../textures/paint.png\n")
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nvt 1 1\n"
+    faces = "f 1/1 3/3 2/2\nf 1/1 2/2 4/4\nf 2/2 3/3 4/4\nf 1/1 4/4 3/3\n"
+    (tmp_path / "meshes" / "part.obj").write_text(f"mtllib part.mtl\n{corners}usemtl m\n{faces}")
+    mesh = link("base", visual='<mesh filename="meshes/part.obj"/>', shape=BOX)
+    (tmp_path / "arm.urdf").write_text(robot(mesh))
+
+    def pixel():
+        environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+        converted_folder = converted_robot(str(tmp_path / "arm.urdf"), environ=environ).folder
+        return image.open(converted_folder / "assets" / "part.png").getpixel((0, 0))
+
+    for color, size in (((200, 0, 0), 8), ((0, 200, 0), 16)):
+        image.new("RGB", (size, size), color).save(picture)
+        assert pixel() == color
+
+
 def test_several_servers_convert_the_same_robot_at_once(tmp_path):
     arm_with_mesh(tmp_path)
     environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}

@@ -149,10 +149,14 @@ def test_a_mesh_without_colours_has_that_of_the_urdf(tmp_path):
     assert model.mat_rgba[model.geom_matid[geom]] == pytest.approx([0.1, 0.2, 0.3, 1])
 
 
-def test_a_texture_is_kept(tmp_path):
+@pytest.mark.parametrize("folder", [".", "textures", "../textures"])
+def test_a_texture_is_kept(tmp_path, folder):
     image = pytest.importorskip("PIL.Image")
-    image.new("RGB", (8, 8), (0, 200, 0)).save(tmp_path / "green.jpg")
-    (tmp_path / "part.mtl").write_text("newmtl m\nmap_Kd green.jpg\n")
+    tmp_path = tmp_path / "meshes"
+    (tmp_path / folder).resolve().mkdir(parents=True)
+    tmp_path.mkdir(exist_ok=True)
+    image.new("RGB", (8, 8), (0, 200, 0)).save(tmp_path / folder / "green.jpg")
+    (tmp_path / "part.mtl").write_text(f"newmtl m\nmap_Kd {folder}/green.jpg\n")
     lines = [
         "mtllib part.mtl",
         *(f"v {x} {y} {z}" for x, y, z in CUBE),
