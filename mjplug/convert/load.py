@@ -1,6 +1,7 @@
 """Loads a model; a URDF or xacro file is converted first, unless the cache contains the result."""
 
 import json
+import logging
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -26,6 +27,8 @@ DESCRIPTIONS = (".urdf", ".xacro")
 """Suffixes of robot descriptions."""
 
 Progress = Callable[[str, float], None]
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +94,7 @@ def load_model(
     if robot is not None:
         done(robot)
         return robot.load()
+    _warn_of_unused(uri, options or ConversionOptions())
     if options is None or options.raw or not options.scene or is_description(uri):
         return load_file(uri, *folders, environ=environ)
     # Imported here, because most models need no scene.
@@ -99,6 +103,19 @@ def load_model(
     path = locate(uri, folders, environ)
     alone = load_file(str(path))
     return replace(alone, model=model_in_scene(path, options.scene))
+
+
+def _warn_of_unused(uri: str, options: ConversionOptions) -> None:
+    """Logs the options that have no effect on a model that is not converted."""
+    used = {"raw", "packages"} | (set() if options.raw or is_description(uri) else {"scene"})
+    unused = sorted(options.model_dump(exclude_defaults=True).keys() - used)
+    if unused:
+        _log.warning(
+            "%s is not converted, so these model_options have no effect: %s%s",
+            uri,
+            ", ".join(unused),
+            "" if options.raw or not is_description(uri) else " (MuJoCo reads it itself, because it contains <mujoco>)",
+        )
 
 
 def converted_robot(

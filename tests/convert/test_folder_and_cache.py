@@ -259,6 +259,27 @@ def test_mujoco_reads_a_urdf_itself_on_request_or_if_the_urdf_says_so(tmp_path):
     assert load_model(str(tmp_path / "own.urdf"), environ=environ).model.nu == 0
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "unused"),
+    [
+        ("own.urdf", {"scene": "tabletop", "base": "free"}, "base, scene (MuJoCo reads it itself, because"),
+        ("own.urdf", {"raw": True, "strict": True}, "strict"),
+        ("model.xml", {"scene": "floor", "fuse": True}, "fuse"),
+        ("model.xml", {"scene": "floor"}, ""),
+        ("arm.urdf", {"scene": "tabletop", "base": "free"}, ""),
+    ],
+)
+def test_options_without_effect_are_reported(tmp_path, caplog, name, options, unused):
+    arm_with_mesh(tmp_path)
+    (tmp_path / "own.urdf").write_text((tmp_path / "arm.urdf").read_text().replace("<link", "<mujoco/><link", 1))
+    (tmp_path / "model.xml").write_text("<mujoco><worldbody><body><geom size='0.1'/></body></worldbody></mujoco>")
+    environ = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    load_model(str(tmp_path / name), options=ConversionOptions(**options), environ=environ)
+    reported = [record.getMessage() for record in caplog.records if "have no effect" in record.getMessage()]
+    assert len(reported) == bool(unused)
+    assert all(f"these model_options have no effect: {unused}" in line for line in reported)
+
+
 def test_the_record_contains_every_decision(tmp_path):
     conversion, model = converted(tmp_path, ARM)
     record = json.loads(conversion.files["conversion.json"])
