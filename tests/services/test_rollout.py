@@ -134,6 +134,35 @@ def test_a_sequence_that_diverges_is_named(world):
     assert response.message.endswith("1 of them diverged, and their rows are invalid: 1")
 
 
+def test_a_sequence_that_ends_early_with_finite_values_is_named(world):
+    # An acceleration above mjMAXVAL, which ends the sequence; the velocity stays far below it.
+    world.model.opt.timestep = 1e-4
+    world.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    world.model.actuator_gainprm[0, 0] = 1e12
+    controls = np.zeros((4, 20, 1))
+    controls[2, 10:] = 10.0
+    rows, response = simulate(world, controls)
+    assert np.isfinite(rows).all()
+    assert np.array_equal(rows[2, 10], rows[2, -1])
+    assert response.message.endswith("1 of them diverged, and their rows are invalid: 2")
+
+
+def test_sequences_that_end_at_a_late_time_are_not_named(world):
+    world.data.time = 2e9
+    _, response = simulate(world, np.zeros((2, 300, 1)))
+    assert "diverged" not in response.message
+
+
+def test_a_sequence_whose_states_need_too_much_memory_is_refused(world, monkeypatch):
+    monkeypatch.setattr("mjplug.services.rollout.batch.MAX_RECORDED", 100_000)
+    values = 1 + world.model.nq + world.model.nv + world.model.nsensordata + world.model.nu
+    values += world.model.neq + 7 * world.model.nmocap
+    most = 100_000 // values
+    assert ask(world, ctrl=[0.0], steps=most).refusal is None
+    refusal = ask(world, ctrl=[0.0], steps=most + 1).refusal
+    assert refusal.startswith(f"a sequence has 1 * {most + 1} steps; at most {most} are accepted for this model")
+
+
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [

@@ -18,8 +18,11 @@ OBSERVABLE = ("qpos", "qvel", "act", "sensordata", "ctrl")
 MAX_STEPS = 1_000_000
 """Maximum number of steps of one sequence."""
 
+MAX_RECORDED = 1 << 25
+"""Maximum number of float64 values that are recorded of one sequence, which is not divided; 256 MiB."""
+
 _CHUNK_VALUES = 1 << 22
-"""Number of float64 values for which memory is allocated at a time; 32 MiB."""
+"""Number of float64 values for which memory is allocated at a time, unless one sequence has more; 32 MiB."""
 
 _STATE = mujoco.mjtState
 _FULL = int(_STATE.mjSTATE_FULLPHYSICS)
@@ -80,8 +83,9 @@ class Batch:
         nstate = full.size
         result = np.empty((batch, actions, sum(widths(model, sequences.observe))))
         diverged: list[int] = []
-        values = nstep * (nstate + model.nsensordata + model.nu + constant.size)
-        chunk = max(1, _CHUNK_VALUES // values)
+        chunk = max(1, _CHUNK_VALUES // (nstep * _recorded(model)))
+        # The same sum as MuJoCo's.
+        last_time = np.cumsum(np.append(full[0], np.full(nstep, model.opt.timestep)))[-1]
         for begin in range(0, batch, chunk):
             if stopped():
                 break
@@ -102,7 +106,9 @@ class Batch:
             )
             last = slice(steps - 1, None, steps)
             self._observe(sequences.observe, state[:, last], sensors[:, last], rows, result[begin : begin + chunk])
-            diverged += [begin + int(i) for i in np.flatnonzero(_invalid(state))]
+            # The state begins with the time. MuJoCo ends a sequence at its first warning, and repeats the last state.
+            ended_early = state[:, -1, 0] != last_time
+            diverged += [begin + int(i) for i in np.flatnonzero(_invalid(state) | ended_early)]
         return result, diverged
 
     def close(self) -> None:
@@ -154,16 +160,28 @@ def widths(model: mujoco.MjModel, names: Sequence[str]) -> tuple[int, ...]:
     return tuple(sizes[name] for name in names)
 
 
-def check_steps(steps: int, actions: int) -> None:
+def check_steps(model: mujoco.MjModel, steps: int, actions: int) -> None:
     """Checks the length of a sequence.
 
     Raises:
-        RequestError: It has no step or too many steps.
+        RequestError: It has no step, or too many steps for this model.
     """
     if not steps:
         raise RequestError("steps is 0; it must be at least 1")
     if steps * actions > MAX_STEPS:
         raise RequestError(f"a sequence has {actions} * {steps} steps; at most {MAX_STEPS} are accepted")
+    most = MAX_RECORDED // _recorded(model)
+    if steps * actions > most:
+        raise RequestError(
+            f"a sequence has {actions} * {steps} steps; at most {most} are accepted for this model, because the state "
+            "after each step is kept until the sequence ends"
+        )
+
+
+def _recorded(model: mujoco.MjModel) -> int:
+    """Returns the number of float64 values that are kept for each step: inputs, state and sensors."""
+    inputs = sum(mujoco.mj_stateSize(model, int(part)) for part in _CONSTANT)
+    return int(mujoco.mj_stateSize(model, _FULL)) + model.nsensordata + model.nu + inputs
 
 
 def _state(model: mujoco.MjModel, data: mujoco.MjData, spec: int) -> Array:

@@ -63,7 +63,7 @@ class _Rollouts:
         """Handles one request."""
         model = self._loop.simulation.model
         controls = _controls(request, model.nu)
-        check_steps(request.steps, controls.shape[1])
+        check_steps(model, request.steps, controls.shape[1])
         observed = widths(model, request.observe)
         check_count(sum(observed) * controls.shape[0] * controls.shape[1], call.form)
         if request.name:
