@@ -87,7 +87,10 @@ class OpenedServer:
                     prepared.topic,
                 )
             loop, physics_thread = self.server.loop, threading.get_ident()
-            self.network.open_calls.replies.may_wait = lambda: loop.paused and threading.get_ident() == physics_thread
+            # Steps that a client has requested continue while the simulation is paused.
+            self.network.open_calls.replies.may_wait = lambda: (
+                loop.paused and not loop.goals and threading.get_ident() == physics_thread
+            )
             # The program that runs the server steps it as a client that is always present.
             self.owner = {"owner": f"local-{uuid.uuid4().hex}"}
             self.server.ownership.changed(self.owner["owner"], present=True)

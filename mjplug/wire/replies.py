@@ -1,6 +1,7 @@
 """Sends replies on a separate thread, so that a client that stops reading does not block physics.
 
-While the simulation is paused, there are no steps to delay, and the physics thread sends short replies itself.
+While the simulation is paused and no client has requested steps, there are no steps to delay, and the physics thread
+sends short replies itself.
 """
 
 import logging

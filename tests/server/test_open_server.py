@@ -37,7 +37,7 @@ def test_a_running_server_answers_its_client_and_is_stopped_after_the_block():
     server.stop()
 
 
-def test_only_the_physics_thread_sends_replies_itself_and_only_while_paused():
+def test_only_the_physics_thread_sends_replies_itself_and_only_while_it_takes_no_steps():
     with open_server("bundled:box", paused=True) as server, server.client() as client:
         replies, inbox = server._opened.network.open_calls.replies, server._opened.server.loop.inbox
 
@@ -47,6 +47,11 @@ def test_only_the_physics_thread_sends_replies_itself_and_only_while_paused():
             return answer.get(timeout=60.0)
 
         assert (replies.may_wait(), may_wait()) == (False, True)
+        goals = server._opened.server.loop.goals
+        inbox.post(lambda: goals.add(0, 1 << 40))
+        assert may_wait() is False
+        inbox.post(lambda: goals.cancel("test"))
+        assert may_wait() is True
         client.call("~/set_pause", paused=False)
         assert (replies.may_wait(), may_wait()) == (False, False)
 
