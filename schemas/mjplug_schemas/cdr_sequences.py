@@ -296,12 +296,17 @@ class Rest:
         known, end = self._known[at & 7], source[at:]
         found = known.get(end)
         if found is None:
-            first = len(values)
-            after = self._read(source, at, values)
+            # Read from a copy, of the same alignment, because memoryviews would keep the whole message in memory.
+            shift = at & 7
+            kept: list[Any] = []
+            try:
+                length = self._read(bytes(shift) + end, shift, kept) - shift
+            except Fault:
+                # Raises an error with the position in the message.
+                return self._read(source, at, values)
             if len(known) >= _MAX_KEPT:
                 known.clear()
-            known[end] = after - at, values[first:]
-            return after
+            found = known[end] = length, kept
         length, kept = found
         values += kept
         return at + length

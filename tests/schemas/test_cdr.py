@@ -2,6 +2,7 @@
 
 import json
 import struct
+import sys
 from itertools import count
 from pathlib import Path
 from typing import Annotated, get_args
@@ -269,6 +270,17 @@ def test_packed_messages_with_equal_ends_differ_in_their_numbers_only():
         read = Step.Request.from_cdr(expected.to_cdr(), packed=True)
         assert read == expected.model_copy(update={"ctrl": read.ctrl})
         assert list(read.ctrl) == list(expected.ctrl)
+
+
+def test_kept_ends_of_packed_messages_do_not_keep_the_messages_in_memory():
+    sources = [
+        Step.Response(observations=[0.0] * 1000, widths=[1000], outputs=[Sample(cdr=bytes([i]))]).to_cdr()
+        for i in range(20)
+    ]
+    before = [sys.getrefcount(source) for source in sources]
+    for source in sources:
+        assert list(Step.Response.from_cdr(source, packed=True).widths) == [1000]
+    assert [sys.getrefcount(source) for source in sources] == before
 
 
 def test_an_invalid_end_of_a_packed_message_is_refused_each_time():
