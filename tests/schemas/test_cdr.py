@@ -278,8 +278,7 @@ def test_kept_ends_of_packed_messages_do_not_keep_the_messages_in_memory():
         for i in range(20)
     ]
     before = [sys.getrefcount(source) for source in sources]
-    for source in sources:
-        assert list(Step.Response.from_cdr(source, packed=True).widths) == [1000]
+    assert all(list(Step.Response.from_cdr(source, packed=True).widths) == [1000] for source in sources)
     assert [sys.getrefcount(source) for source in sources] == before
 
 
