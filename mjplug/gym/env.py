@@ -79,13 +79,13 @@ class MjplugEnv(gymnasium.Env[Array, Array]):
             self._driver.call("~/set_pause", paused=True)
             names = list(dict.fromkeys((*self._observe, "ctrl")))
             first = self._driver.step(0, observe=names, outputs=self._outputs)
+            self.action_space = action_space or _controls(self.model, first["ctrl"].size)
+            size = self.observation_of(first).size
+            space: Any = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
+            self.observation_space = space
         except BaseException:
             self._closing.close()
             raise
-        self.action_space = action_space or _controls(self.model, first["ctrl"].size)
-        size = self.observation_of(first).size
-        space: Any = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)
-        self.observation_space = space
 
     @property
     def driver(self) -> Any:

@@ -167,6 +167,19 @@ def test_a_server_of_somebody_else_stays_open(mjplug_server):
     assert server.running
 
 
+def test_a_server_is_stopped_if_the_observation_fails_at_the_beginning():
+    class Failing(MjplugEnv):
+        def observation_of(self, result):
+            drivers.append(self.driver)
+            raise LookupError("no such joint")
+
+    drivers = []
+    with pytest.raises(LookupError, match="no such joint"):
+        Failing(CART_POLE)
+    with pytest.raises(MjplugError, match="has been stopped"):
+        drivers[0].step()
+
+
 def test_wrong_arguments_are_refused_with_a_sentence(mjplug_server):
     with pytest.raises(MjplugError, match="render_mode is 'human'; it must be 'rgb_array' or None"):
         balancing(CART_POLE, render_mode="human")
