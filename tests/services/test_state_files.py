@@ -15,7 +15,7 @@ from state_worlds import StateWorld, scene
 
 from mjplug.physics import physics_state
 from mjplug.services.states.state_files import decode, encode
-from mjplug_schemas.mjplug_msgs import ListStates, RestoreState
+from mjplug_schemas.mjplug_msgs import ListStates, RestoreState, SaveState
 
 
 @pytest.fixture(scope="module")
@@ -365,3 +365,12 @@ def _damaged(content, generator):
     for _ in range(generator.randint(1, 3)):
         member[generator.randrange(len(member))] = generator.choice(b'0123456789-eE."[]{},:nulltrue\x00\xff')
     return {name.replace("/", "__"): bytes(member)}
+
+
+@pytest.mark.parametrize(("limit", "reason"), [("MAX_HEADER", "its header has"), ("MAX_ARRAYS", "it has")])
+def test_a_state_that_could_not_be_read_again_is_not_written(saved, monkeypatch, limit, reason):
+    before = (saved.folder / "s.npz").read_bytes()
+    monkeypatch.setattr(f"mjplug.services.states.state_files.{limit}", 5)
+    call = saved.request("save_state", SaveState, name="s", file=True, overwrite=True)
+    assert call.refusal.startswith(f"state 's' cannot be written: {reason}")
+    assert (saved.folder / "s.npz").read_bytes() == before

@@ -24,7 +24,7 @@ SUFFIX = ".npz"
 MAX_HEADER = 16 << 20
 """Maximum size of `header.json` [bytes]."""
 MAX_ARRAYS = 10_000
-"""Maximum number of arrays in a file."""
+"""Maximum number of members of a file: the header and the arrays."""
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 _HEADER = "header.json"
@@ -79,7 +79,10 @@ class StateFiles:
             present = dict(self._sizes())
             if name in present and not overwrite:
                 raise RequestError(f"the file {path} already exists; set overwrite, or choose another name")
-            content = encode(state)
+            try:
+                content = encode(state)
+            except RequestError as error:
+                raise RequestError(f"state {name!r} cannot be written: {error}") from None
             others = sum(size for other, size in present.items() if other != name)
             if len(present.keys() | {name}) > self._max_states:
                 raise RequestError(
@@ -187,11 +190,23 @@ class StateFiles:
 
 
 def encode(state: SavedState) -> bytes:
-    """Returns a state as the content of a file."""
+    """Returns a state as the content of a file.
+
+    Raises:
+        RequestError: It is too large to be read again.
+    """
+    header = state.header.to_json()
+    if len(header) > MAX_HEADER:
+        raise RequestError(
+            f"its header has {len(header)} bytes; at most {MAX_HEADER} can be read (plugins save too much)"
+        )
+    # The header is a member of the archive too.
+    if len(state.arrays) >= MAX_ARRAYS:
+        raise RequestError(f"it has {len(state.arrays)} arrays; at most {MAX_ARRAYS - 1} can be read")
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
         # A ZipInfo has a fixed date, so that equal states give equal files.
-        archive.writestr(zipfile.ZipInfo(_HEADER), state.header.to_json())
+        archive.writestr(zipfile.ZipInfo(_HEADER), header)
         for name, array in state.arrays.items():
             member = io.BytesIO()
             np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
