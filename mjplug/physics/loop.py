@@ -106,7 +106,7 @@ class Loop:
         self.on_second: list[Callable[[float], None]] = [self.recovery.report_suppressed, self.inbox.report_overruns]
         self.wall_timers = WallTimers()
         self.timing = Timing()
-        self.goals = StepGoals()
+        self.goals = StepGoals(lambda: simulation.step)
         self.lockstep: set[object] = set()
         self.failure: MjplugError | None = None
         self.end_of_time = simulation.time.steps_covering(MAX_SIMULATED_TIME * 1_000_000_000 + 1) - 1

@@ -43,6 +43,12 @@ class StepGoal:
         self.target += self._steps
         return True
 
+    def begin_earlier(self, steps: int) -> None:
+        """Moves a goal that has not begun by a number of steps."""
+        self.start -= steps
+        self.target -= steps
+        self.last -= steps
+
     def end(self, failure: str = "") -> None:
         """Ends the goal as reached, or as cancelled if a reason is given."""
         self.failure = failure
@@ -54,10 +60,14 @@ class StepGoals:
 
     Attributes:
         first: The goal whose steps are taken now; None if there is none.
+
+    Args:
+        now: Returns the number of steps taken so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], int]) -> None:
         self.first: StepGoal | None = None
+        self._now = now
         self._later: deque[StepGoal] = deque()
 
     def __bool__(self) -> bool:
@@ -86,11 +96,18 @@ class StepGoals:
             goal.end()
 
     def remove(self, goal: StepGoal) -> None:
-        """Removes a goal whose request has ended; later goals keep their targets."""
+        """Removes a goal whose request has ended early; later goals do not take its remaining steps."""
         if goal is self.first:
             self._drop_first()
+            begin, later = max(self._now(), goal.start), (self.first, *self._later) if self.first is not None else ()
         elif goal in self._later:
-            self._later.remove(goal)
+            place = self._later.index(goal)
+            del self._later[place]
+            begin, later = goal.start, tuple(self._later)[place:]
+        else:
+            return
+        for other in later:
+            other.begin_earlier(goal.last - begin)
 
     def cancel(self, reason: str) -> None:
         """Cancels every goal with a reason."""

@@ -64,6 +64,25 @@ def test_step_requests_add_up_and_each_is_answered_at_its_own_last_step(world):
     assert world.simulation.step == 15
 
 
+def test_steps_do_not_include_those_of_a_request_before_that_ended_early(world):
+    pause(world)
+    goals = world.loop.goals
+    goals.add(0, 1_000_000)
+    ended = goals.add(world.simulation.step, 5000)
+    second, third = step(world, 10), step(world, 3)
+    world.loop.turn()
+    goals.remove(ended)
+    taken = world.simulation.step
+    assert 0 < taken < 1_000_000
+    assert not second.answered
+    goals.remove(goals.first)
+    while not third.answered:
+        world.loop.turn()
+    assert second.response.success
+    assert world.simulation.step == taken + 13
+    assert not goals
+
+
 def test_steps_are_refused_while_running_and_when_zero(world):
     assert step(world, 5).refusal == "the simulation is running; pause it first (~/set_pause, or mjplug sim pause)"
     pause(world)
