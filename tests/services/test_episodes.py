@@ -149,3 +149,29 @@ def test_a_delayed_actuator_moves_as_before_after_a_reset(interpolation, keyfram
     assert np.allclose(rows(), first, rtol=0.0, atol=1e-13)
     reset(world, 0, keyframe=keyframe)
     assert np.array_equal(rows(), first)
+
+
+class Choosing(Plugin[Parameters]):
+    """Chooses a number at each reset, and does not save it."""
+
+    def init(self, host: Host, parameters: Parameters) -> None:
+        self.random, self.chosen = host.random, 0.0
+
+    def on_reset(self) -> None:
+        self.chosen = self.random.random()
+
+
+def test_numbers_that_a_plugin_draws_at_a_reset_depend_on_the_episode_of_a_restored_state():
+    world = StateWorld()
+    plugin = world.add(Choosing, "choosing")
+    world.prepare(3)
+    world.save()
+    chosen = {}
+    for episode in (4, 5, 4, 5):
+        world.step(7)
+        plugin.random.random()
+        call = world.call("/mjplug/restore_state", RestoreState.Request(name="s"), episode=str(episode))
+        assert call.refusal is None
+        assert chosen.setdefault(episode, plugin.chosen) == plugin.chosen
+    assert chosen[4] != chosen[5]
+    world.close()

@@ -122,12 +122,8 @@ class Keeper:
                 raise RequestError(f"strict: the state is incomplete ({listing(problems)})")
 
         def put_back() -> None:
-            problems.update(self._put_back(state, problems, keep_time, reset=True))
+            problems.update(self._put_back(state, problems, keep_time, reset=True, episode=episode))
             self._restore_timers(state)
-            if episode is not None:
-                self._loop.simulation.lineage = episode
-                for part in self._loop.parts:
-                    part.reset(episode)
 
         self._loop.restore(put_back)
         return problems
@@ -190,7 +186,9 @@ class Keeper:
                 problems[name] = reason
         return problems
 
-    def _put_back(self, state: SavedState, skipped: Iterable[str], keep_time: bool, reset: bool) -> dict[str, str]:
+    def _put_back(
+        self, state: SavedState, skipped: Iterable[str], keep_time: bool, reset: bool, episode: int | None = None
+    ) -> dict[str, str]:
         """Sets the state of the simulation and of the parts, without timers.
 
         Args:
@@ -198,6 +196,7 @@ class Keeper:
             skipped: Parts whose state is not restored.
             keep_time: Whether step number and simulated time continue.
             reset: Whether to call `on_reset` of plugins whose state is not restored.
+            episode: As for `restore`.
 
         Returns:
             Why the state of a part could not be restored, by name.
@@ -206,18 +205,22 @@ class Keeper:
         if not keep_time:
             simulation.time.restart(header.time_origin)
         simulation.put_back(state.physics, None if keep_time else header.step)
-        simulation.lineage = header.lineage
+        lineage = simulation.lineage = header.lineage if episode is None else episode
         loop.recovery.restore(simulation.step, header.steps_since_reset)
         problems: dict[str, str] = {}
         restored = []
         for name, part in self._parts().items():
+            if reset:
+                # Before `on_reset`, which may draw random numbers.
+                part.reset(lineage)
             if name in skipped or name not in header.parts:
-                if reset:
-                    part.reset(header.lineage)
                 continue
             if reason := part.restore(state.part(name), trial=not reset):
                 problems[name] = reason
-            elif part.stepper is not None:
+                continue
+            if episode is not None:
+                part.reset(episode)
+            if part.stepper is not None:
                 restored.append(part.stepper)
         self._order_holds(header)
         # Plugins that were stopped meanwhile have set them to zero.
