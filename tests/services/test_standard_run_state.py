@@ -267,6 +267,20 @@ def test_a_cancelled_goal_pauses_where_it_is():
     assert world.state == PAUSED
 
 
+def test_goals_do_not_count_the_steps_of_others():
+    world = StandardWorld()
+    one, other = simulate(world, 40), simulate(world, 25)
+    while not (one.ended and other.ended):
+        world.loop.turn()
+    assert world.simulation.step == 65
+    assert [f.completed_steps for f in one.fed_back] == list(range(1, 41))
+    one, other = simulate(world, 1_000_000), simulate(world, 25)
+    while not other.ended:
+        world.loop.turn()
+    world.cancel_goal("/simulate_steps", one)
+    assert one.result.result.error_message == f"cancelled after {world.simulation.step - 90} of 1000000 steps"
+
+
 @pytest.mark.parametrize(("paused", "steps"), [(True, 0), (False, 5), (True, 1 << 63)])
 def test_goals_that_cannot_be_reached_are_accepted_and_aborted(paused, steps):
     world = StandardWorld(paused=paused)

@@ -7,6 +7,7 @@ from mjplug.errors import RequestError
 from mjplug.physics.loop import Loop
 from mjplug.physics.reset import Reset
 from mjplug.physics.scheduler import Wait
+from mjplug.physics.step_goals import StepGoal
 from mjplug.plugin import Call, Goal, GoalCanceled, Slow
 from mjplug.plugin.goal import Outcome
 from mjplug.services.standard.entities import Entities
@@ -164,10 +165,12 @@ class RunState:
         except RequestError as error:
             return goal.aborted(steps_failed(str(error)))
         self._stopped_at = None
-        first, reported = simulation.step, 0.0
+        # Steps of other clients may be taken between the parts of this goal, and do not count.
+        taken, reported = 0, 0.0
+        wanted: StepGoal | None = None
         try:
-            while (done_steps := simulation.step - first) < steps:
-                left = steps - done_steps
+            while taken < steps:
+                left = steps - taken
                 # Few steps are reported each, and many at most every `_FEEDBACK_PERIOD` of wall time.
                 part = left if not goal.observed else min(left, max(1, steps // _EACH_STEP))
                 wanted = loop.goals.add(simulation.step, part)
@@ -177,17 +180,17 @@ class RunState:
                     loop.goals.remove(wanted)
                 if wanted.failure:
                     raise RequestError(wanted.failure)
-                taken, now = simulation.step - first, perf_counter()
+                taken, now, wanted = taken + part, perf_counter(), None
                 if steps <= _EACH_STEP or taken == steps or now - reported >= _FEEDBACK_PERIOD:
                     reported = now
                     if goal.observed:
                         left = steps - taken
                         goal.feedback(SimulateSteps.Feedback(completed_steps=taken, remaining_steps=left))
         except GoalCanceled:
-            taken = simulation.step - first
+            taken += _steps_of(wanted, simulation.step)
             return goal.canceled(steps_failed(f"cancelled after {taken} of {steps} steps"))
         except RequestError as error:
-            taken = simulation.step - first
+            taken += _steps_of(wanted, simulation.step)
             return goal.aborted(steps_failed(f"{error} ({taken} of {steps} steps were taken)"))
         return goal.succeeded(SimulateSteps.Result(result=done()))
 
@@ -236,3 +239,8 @@ def _scopes(scope: int) -> int:
     if scope & ~(TIME | STATE | SPAWNED):
         raise RequestError(f"scope is {scope}; it must be 0, 255 or a sum of 1 (time), 2 (state) and 4 (spawned)")
     return scope
+
+
+def _steps_of(goal: StepGoal | None, step: int) -> int:
+    """Returns how many steps of an ended goal were taken until a step number."""
+    return 0 if goal is None else max(0, min(step, goal.target) - goal.start)
