@@ -103,7 +103,7 @@ def test_every_compression_is_read(publishing, record, tmp_path, compression):
 def test_latched_messages_are_at_the_beginning_of_each_file_of_a_split_bag(publishing, record, tmp_path, limits):
     told = publishing.publisher("/told", String, DEFAULT)
     first, second = (publishing.publisher("/tf_static", TFMessage, LATCHED) for _ in range(2))
-    recording = record(told, limits=limits, compression="none")
+    recording = record(told, first, second, limits=limits, compression="none")
     # Two publishers of one latched topic: the last message of each counts.
     first.publish(TFMessage())
     for publisher in (first, second):
