@@ -35,7 +35,7 @@ values are from one run on one machine.
 REMARKS = """
 ## What remains, and why
 
-**A request for one step** (`~/step`) takes 2.0 to 2.3 times as long as a bare query (3.1 before requests were handled
+**A request for one step** (`~/step`) takes 2.0 to 2.4 times as long as a bare query (3.4 before requests were handled
 at once), against a goal of 1.35. The difference on the test machine is about 200 µs, of which Python code needs 45 µs
 when it is repeated without pauses. After a pause of half a millisecond, the same code takes three to four times as
 long, because it is no longer in the caches.
