@@ -1,7 +1,7 @@
 """Models that arrive as text from a topic: they may name only files in ROS packages, and no code is run for them.
 
-A client that can publish on the topic chooses what is simulated. The rules here keep such a text from reading other files of
-this machine, and from evaluating xacro.
+A client that can publish on the topic chooses what is simulated. The rules here keep such a text from reading other
+files of this machine, and from evaluating xacro.
 """
 
 import os
